@@ -27,7 +27,7 @@ from hdc.parameters import check_choice
 
 _BATCH = 64  # frames that something is made of at a time
 KERNELS = ("unit", "raw", "standardised")
-"""Scalings of pixels (baselines.pixels); their products follow from those of grey values."""
+"""Scalings of pixels (baselines.pixels) whose products follow from products of grey values."""
 
 
 class Bank:

@@ -60,8 +60,6 @@ class FibreScene:
         photons: mean photons per pixel (Poisson); 0 means no noise.
         saturation: grey value 255 is this multiple of the mean intensity. The exposure is fixed:
             the mean is taken over all positions and perturbations, not over a frame.
-        side: pixels per side of each polarisation's image; above the 41 of the stored modes the
-            *field* is interpolated by a Fourier series (the modes are dark at the rim).
         seed: of the input field.
         sampling_seed: of positions, perturbations and photons.
         source: repository of another fibre: arguments of :class:`scenes.source.Source`.
@@ -69,7 +67,7 @@ class FibreScene:
         step: press depth between one matrix and the next, from 0 on (m).
 
     Attributes:
-        shape: (side, 2·side), both polarisations side by side.
+        shape: (41, 82), both polarisations side by side, each as large as the stored modes.
         samples: ``depth`` is Δx in m; for others see :class:`scenes.frames.Scene`.
         source, sha256: where the matrices come from, and the digest of their files.
 
@@ -91,7 +89,6 @@ class FibreScene:
         perturbation: float = 0.3,
         photons: float = 50.0,
         saturation: float = 10.0,
-        side: int = 41,
         seed: int = 0,
         sampling_seed: int = 0,
         source: Mapping[str, Any] | None = None,
@@ -104,8 +101,7 @@ class FibreScene:
         require_number("scene.saturation", saturation, 0, strict=True)
         data = _locate(path)
         self._modes = _array(data / MODES, (None, None))
-        self._grid = math.isqrt(self._modes.shape[1])
-        check_integer("scene.side", side, self._grid)
+        self._side = math.isqrt(self._modes.shape[1])
         outputs = 2 * len(self._modes)
         if source is None:
             measured = _pressed(data, outputs)
@@ -126,7 +122,7 @@ class FibreScene:
 
         n = len(self.classes) * samples_per_class
         self.labels = np.arange(n) % len(self.classes)
-        self.shape = (side, 2 * side)
+        self.shape = (self._side, 2 * self._side)
         self._perturbation, self._photons = float(perturbation), float(photons)
         self._sampling_seed = sampling_seed
         positions = []
@@ -143,14 +139,13 @@ class FibreScene:
         used = self._matrices[np.concatenate(members)]
         self._mean = _mean_intensity(used, self._modes, self._field, self._perturbation)
         self._full_scale = float(saturation) * self._mean
-        self._interpolate = _dirichlet(side, self._grid) if side > self._grid else None
         self._settings: tuple[Any, ...] = (
             tuple(np.asarray(depth_edges, float)),
             samples_per_class,
             self._perturbation,
             self._photons,
             float(saturation),
-            side,
+            self._side,
             seed,
             sampling_seed,
         )
@@ -159,7 +154,7 @@ class FibreScene:
         return len(self.labels)
 
     def frames(self, indices: Indices) -> Tensor:
-        """Frames uint8 [len(indices), side, 2·side]; an IndexError for one outside [0, N)."""
+        """Frames uint8 [len(indices), 41, 82]; an IndexError for one outside [0, N)."""
         rows = row_numbers(indices, len(self)).tolist()
         frames = np.empty((len(rows), *self.shape), np.uint8)
         for k, row in enumerate(rows):
@@ -188,13 +183,11 @@ class FibreScene:
         return np.clip(grey, 0, 255).astype(np.uint8)
 
     def _intensity(self, matrix: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """|E|² [side, 2·side] of a perturbed input field, photons counted."""
+        """|E|² [41, 82] of a perturbed input field, photons counted."""
         change = self._perturbation * _complex_normal(rng, self._inputs)
         amplitudes = (matrix @ (self._field + change)).reshape(2, -1)
         image = amplitudes @ self._modes
-        image = image.reshape(2, self._grid, self._grid)
-        if self._interpolate is not None:
-            image = self._interpolate @ image @ self._interpolate.T
+        image = image.reshape(2, self._side, self._side)
         horizontal, vertical = image.real**2 + image.imag**2
         intensity = np.hstack([horizontal, vertical])
         if not self._photons:
@@ -215,15 +208,9 @@ class _Measured:
 
 
 def _locate(path: str | Path | None) -> Path:
-    """Find folder ``Data`` of a copy of :data:`PRESSED`."""
-    checkout = PRESSED.folder() if path is None else Path(path)
-    folder = checkout.expanduser() / "Data"
-    if not folder.is_dir():
-        raise FileNotFoundError(
-            f"scene.path: expected a copy of github.com/{PRESSED.repository}, found no folder "
-            f"{folder}; get it by: {PRESSED.command()}"
-        )
-    return folder
+    """Folder ``Data`` of a copy of :data:`PRESSED`."""
+    copy = PRESSED.folder() if path is None else Path(path).expanduser()
+    return copy / "Data"
 
 
 def _pressed(data: Path, outputs: int) -> _Measured:
@@ -251,10 +238,7 @@ def _stepped(
 ) -> _Measured:
     """A fibre whose matrices lie one press step apart in one array."""
     if not file or not step:
-        raise ValueError(
-            "scene.source: expected scene.file and scene.step with it, found "
-            f"{file!r} and {step!r}"
-        )
+        raise ValueError("scene.source: expected scene.file and scene.step with it")
     folder = source.folder()
     matrices = _array(folder / file, (None, outputs, None))
     depths = np.round(np.arange(len(matrices)) * step, 9)
@@ -303,16 +287,6 @@ def _mean_intensity(
     power = np.einsum(sums, out.conj(), gram, out, optimize=True).real
     n_pixels = 2 * modes.shape[1]
     return float(power / (len(matrices) * n_pixels))
-
-
-def _dirichlet(side: int, grid: int) -> np.ndarray:
-    """Matrix [side, grid] of trigonometric interpolation, pixel centres spread over the same width:
-    Σ_k exp(2πi·k·x/grid)/grid over the frequencies k of an odd number of points."""
-    x = (np.arange(side) + 0.5) * grid / side - 0.5
-    k = np.arange(-(grid // 2), grid // 2 + 1)
-    stored = np.arange(grid)[None, :, None]
-    phases = 2 * np.pi * k * (x[:, None, None] - stored) / grid
-    return np.cos(phases).sum(-1) / grid
 
 
 def _complex_normal(rng: np.random.Generator, n: int) -> np.ndarray:

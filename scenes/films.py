@@ -28,7 +28,7 @@ from scenes.validate import require
 class _Film(NamedTuple):
     file: str
     label: str
-    group: str
+    group: int
     session: int
 
 
@@ -71,8 +71,6 @@ class FilmScene(PublicScene):
         films = _films(root, sessions, labels)
         self.sha256 = self.source.check(root, [film.file for film in films])
         self.classes = tuple(sorted({film.label for film in films}))
-        missing = sorted(set(labels or ()) - set(self.classes))
-        require(not missing, "scene.labels", missing, "labels that some film has")
         self._settings = (self.sha256, frames_per_film, subsample)
         files = tuple(str(root / film.file) for film in films)
         self._images = _pressed(files, frames_per_film, subsample)
@@ -82,7 +80,7 @@ class FilmScene(PublicScene):
         self.labels = numbers[film_of]
         self.samples: Mapping[str, np.ndarray] = {
             "order": np.arange(len(film_of)),
-            "group": _numbers_of_groups(films)[film_of],
+            "group": np.array([film.group for film in films])[film_of],
             "session": np.array([film.session for film in films])[film_of],
         }
 
@@ -108,26 +106,12 @@ def _films(
         for path in sorted((root / session["folder"]).iterdir()):
             fields = template.read(path.name)
             if fields and (labels is None or fields["label"] in labels):
-                file = path.relative_to(root).as_posix()
-                found.append(_Film(file, fields["label"], fields["group"], number))
+                file, label = path.relative_to(root).as_posix(), fields["label"]
+                of_label = [film.label == label for film in found[before:]]
+                found.append(_Film(file, label, sum(of_label), number))
         expected = f"files like {session['template']} in {root / session['folder']}"
         require(len(found) > before, "scene.sessions", "none", expected)
     return found
-
-
-def _numbers_of_groups(films: Sequence[_Film]) -> np.ndarray:
-    """The number of each film among the films of its label and session, int64 [films]."""
-    names: dict[tuple[str, int], list[str]] = {}
-    for film in films:
-        names.setdefault((film.label, film.session), []).append(film.group)
-    return np.array(
-        [
-            sorted(names[film.label, film.session], key=readers.natural_key).index(
-                film.group
-            )
-            for film in films
-        ]
-    )
 
 
 @lru_cache(maxsize=2)

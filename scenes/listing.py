@@ -22,6 +22,10 @@ from scenes.fibre import PRESSED
 from scenes.source import DATA, Source
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs" / "scene"
+HEADINGS = (
+    *("Recording", "Present", "Frames", "Pixels", "Classes"),
+    *("Split", "Sessions", "Groups", "Licence"),
+)
 SPLITS = {"random": "random", "ordered": "in time", "session": "in time"}
 """Kinds of splits in the words of TabArena; the others are "grouped"."""
 
@@ -53,12 +57,8 @@ def sources(scene: Any) -> list[Source]:
 
 def overview(names: Sequence[str]) -> tuple[Table, list[str]]:
     """A table of these data sets, and the commands that download the missing repositories."""
-    table = Table(padding=(0, 0, 0, 1))
-    for heading in ("Recording", "Present"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("Frames", "Pixels", "Classes", "Split", "Sessions", "Groups"):
-        table.add_column(heading)
-    table.add_column("Licence")
+    table = Table(*HEADINGS, padding=(0, 0, 0, 1))
+    table.columns[0].no_wrap = table.columns[1].no_wrap = True
     commands: dict[str, None] = {}  # in order, each once
     for name in names:
         config = config_of([f"scene={name}"])

@@ -1,9 +1,7 @@
 """The simulated sensor as a page to touch: ``python -m scenes.live``.
 
 Press the silicone with mouse or finger, teach three touches, let 16 days pass, recalibrate. See
-:mod:`scenes.pressed` for the page. The sensor is that of the scenes ``touch`` and ``drift``; so
-that the page keeps up on two cores, its camera has 250 × 250 pixels and a pupil of half the width
-(a fourth of the paths): the speckle grains keep their size in pixels.
+:mod:`scenes.pressed` for the page and :mod:`scenes.simulated` for the sensor.
 """
 
 from __future__ import annotations
@@ -12,100 +10,9 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-import numpy as np
 import torch
-from torch import Tensor
 
-from scenes.pressed import Touch
-from scenes.sensor.camera import Camera
-from scenes.sensor.contact import ExactPress, Press
-from scenes.sensor.contact import Touch as Contact
-from scenes.sensor.environment import Room
-from scenes.sensor.seeds import stream
-from scenes.sensor.sensor import Sensor
-
-# Numbers of configs/scene/touch.yaml.
-RADIUS = 2.45e-3
-DEPTH_SPREAD = 0.01
-POSITION_SPREAD = 0.02e-3
-SIXTEEN_DAYS = 0.55  # K, of configs/scene/drift.yaml
-
-
-class SimulatedSensor:
-    """A :class:`scenes.pressed.Pressable` of the simulated sensor.
-
-    Each touch has a temperature drawn from that of the room, and misses place and depth as the
-    robot of the scene ``touch`` does; the seed and the number of the touch determine both.
-
-    Args:
-        side: pixels a side of the frame.
-        seed: of the sensor and of what is drawn.
-    """
-
-    label = None
-    sixteen_days = SIXTEEN_DAYS
-
-    def __init__(self, side: int = 250, seed: int = 0) -> None:
-        whole = Camera()
-        share = side / whole.crop
-        grid, pupil = round(whole.grid * share), round(whole.pupil * share)
-        camera = Camera(grid=grid, crop=side, pupil=pupil)
-        self._sensor = Sensor(seed, camera=camera)
-        self.title = "Simulated sensor, not measured"
-        self.shape: tuple[int, ...] = (side, side)
-        self.metadata: dict[str, object] = {
-            "crop": None,
-            "subsample": 1,
-            "simulated": True,
-        }
-        paths = self._sensor.paths
-        self.length, self.width = paths.length, paths.width
-        self.offset = 0.0
-        press = Press(position=(0.0, 0.0), radius=RADIUS, depth=0.0)
-        self._press = ExactPress(press, self._sensor)
-        self._room = Room()
-        self._seed, self._touched, self._frames = seed, 0, 0
-        self.press(None)
-
-    def press(self, touch: Touch | None) -> None:
-        self.touch = touch
-        self._pressed, self._temperature, _ = self._draw(touch)
-
-    def frame(self) -> np.ndarray:
-        self._frames += 1
-        noise = stream(self._seed, "live noise", self._frames)
-        return self._exposed(self._pressed, self._temperature, noise)
-
-    def samples(self, n: int) -> list[np.ndarray]:
-        return self.touched(n, self.touch)
-
-    def touched(self, n: int, touch: Touch | None) -> list[np.ndarray]:
-        return [self._exposed(*self._draw(touch)) for _ in range(n)]
-
-    def _draw(self, touch: Touch | None) -> tuple[Tensor, float, np.random.Generator]:
-        """The change of phase float64 [P] in rad by a touch that misses its place, the temperature
-        in K, and the generator for the noise."""
-        rng = stream(self._seed, "live touch", self._touched)
-        self._touched += 1
-        temperature = float(self._room.temperatures(1, rng)[0])
-        if touch is None:
-            return torch.zeros_like(self._sensor.phase), temperature, rng
-        across, along, deeper = rng.standard_normal(3)
-        missed = Contact(
-            touch.depth * max(0.0, 1 + DEPTH_SPREAD * deeper),
-            touch.x + POSITION_SPREAD * across,
-            touch.y + POSITION_SPREAD * along,
-        )
-        return self._press(missed), temperature, rng
-
-    def _exposed(
-        self, indented: Tensor, temperature: float, noise: np.random.Generator
-    ) -> np.ndarray:
-        sensor, camera = self._sensor, self._sensor.mounted
-        warmed = sensor.sensitivity * (self.offset + temperature)
-        phases = sensor.phase + warmed + indented
-        intensity = camera.intensity(phases[None])
-        return camera.expose(intensity, [noise])[0].numpy()
+from scenes.simulated import SimulatedSensor
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

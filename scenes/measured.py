@@ -83,8 +83,17 @@ class MeasuredScene(PublicScene):
         except readers.SettingError as error:
             raise ValueError(f"scene.{error}") from error
         self.shape = self._parts[0].frame_shape
-        files = _files(folders, self._parts, table)
-        self.sha256 = self.source.check(root, files)
+        files = []
+        for folder, part in zip(folders, self._parts, strict=True):
+            names = part.samples["file"].tolist()
+            files += [posixpath.normpath(f"{folder}/{name}") for name in names]
+        tables = [
+            posixpath.normpath(f"{folder}/{table}") for folder in folders if table
+        ]
+        self.sha256 = self.source.check(root, [*files, *tables])
+        for name in damaged:
+            expected = "a file of a frame of this recording"
+            require(name in files, "scene.damaged", name, expected)
         self._settings = (self.sha256, subsample)
         self._decoded = _decoded(*self._settings)
         self.samples: Mapping[str, np.ndarray] = _samples(self._parts)
@@ -99,7 +108,7 @@ class MeasuredScene(PublicScene):
             classes, names = self._levels(levels)
         expected = "edges of a value: no image has a label"
         require(len(classes) > 0, "scene.levels", levels, expected)
-        whole = ~_named(damaged, folders, self._parts)
+        whole = ~np.isin(files, list(damaged))
         apart = np.isin(names, list(unknown))
         self.unknown: MeasuredScene | None = None
         if apart.any():
@@ -140,14 +149,11 @@ class MeasuredScene(PublicScene):
         rows = self._rows[row_numbers(indices, len(self))].tolist()
         if not rows:
             return torch.empty((0, *self.shape), dtype=torch.uint8)
-        frames = {row: self._decoded[row] for row in rows if row in self._decoded}
-        missing = [row for row in dict.fromkeys(rows) if row not in frames]
-        for row, frame in self._read(missing):
-            frames[row] = frame
-            if (len(self._decoded) + 1) * frame.nbytes <= MEMORY_BYTES:
-                self._decoded[row] = frame
-        images = [frames[row] for row in rows]
-        return torch.from_numpy(np.stack(images))
+        missing = [row for row in dict.fromkeys(rows) if row not in self._decoded]
+        frames = self._decoded | dict(self._read(missing))
+        if len(frames) * frames[rows[0]].nbytes <= MEMORY_BYTES:
+            self._decoded.update(frames)
+        return torch.from_numpy(np.stack([frames[row] for row in rows]))
 
     def _read(self, rows: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
         """Yield each of these rows with its frame, one folder after the other."""
@@ -172,35 +178,6 @@ class MeasuredScene(PublicScene):
 def _decoded(sha256: str, subsample: int) -> dict[int, np.ndarray]:
     """Frames by row, shared by all scenes of the same files and pixels in this process."""
     return {}
-
-
-def _files(
-    folders: Sequence[str],
-    parts: Sequence[readers.Recording],
-    table: str | None,
-) -> list[str]:
-    """The files that are read, relative to the repository."""
-    files = []
-    for folder, part in zip(folders, parts, strict=True):
-        names = part.samples["file"].tolist()
-        if table:
-            names.append(table)
-        files += [posixpath.normpath(f"{folder}/{name}") for name in names]
-    return files
-
-
-def _named(
-    damaged: Sequence[str],
-    folders: Sequence[str],
-    parts: Sequence[readers.Recording],
-) -> np.ndarray:
-    """Which frames are in files of these names, bool [N]."""
-    files = np.array(_files(folders, parts, None))
-    for name in damaged:
-        require(
-            name in files, "scene.damaged", name, "a file of a frame of this recording"
-        )
-    return np.isin(files, list(damaged))
 
 
 def _samples(parts: Sequence[readers.Recording]) -> dict[str, np.ndarray]:

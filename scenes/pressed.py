@@ -10,14 +10,10 @@ import html
 import math
 import time
 from collections import deque
-from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
-import numpy as np
 from nicegui import events, ui
 
-from hdc.live import Source
 from hdc.live.page import (
     RECALIBRATION,
     SAMPLES,
@@ -28,6 +24,8 @@ from hdc.live.page import (
     small,
 )
 from hdc.live.session import Sample, Session, View
+from scenes.sensor.contact import Touch
+from scenes.simulated import SIXTEEN_DAYS, SimulatedSensor
 
 RECENT = 20
 """Tests behind the accuracy that is shown."""
@@ -43,33 +41,6 @@ _PLACE = """<g transform="translate({:.2f} {:.2f})" stroke="{c}" fill="{c}">
 _TOUCH = '<circle cx="{:.2f}" cy="{:.2f}" r="{:.2f}" fill="#222" fill-opacity=".55"/>'
 
 
-@dataclass(frozen=True)
-class Touch:
-    """A finger on the sensor: position (x, y) and depth in m."""
-
-    x: float
-    y: float
-    depth: float = DEPTH
-
-
-class Pressable(Source, Protocol):
-    """A sensor that the page presses. Each sample is a new touch at the present place."""
-
-    length: float  # of the surface in m: x in [0, length]
-    width: float  # in m: |y| ≤ width/2
-    offset: float  # temperature drift in K
-    sixteen_days: float  # drift in K after 16 days
-    touch: Touch | None  # the present one
-
-    def press(self, touch: Touch | None) -> None:
-        """Press here until the next call, or lift off."""
-        ...
-
-    def touched(self, n: int, touch: Touch | None) -> list[np.ndarray]:
-        """Frames of n new touches at this place."""
-        ...
-
-
 class PressedSession(Session):
     """A session of a sensor that is pressed.
 
@@ -78,9 +49,9 @@ class PressedSession(Session):
         tests: whether the latest tests were right.
     """
 
-    source: Pressable
+    source: SimulatedSensor
 
-    def __init__(self, source: Pressable) -> None:
+    def __init__(self, source: SimulatedSensor) -> None:
         super().__init__(source)
         self.places: dict[str, Touch | None] = {}
         self.tests: deque[bool] = deque(maxlen=RECENT)
@@ -137,7 +108,7 @@ class PressedPage(Page):
 
     act = "Press somewhere"
     session: PressedSession
-    source: Pressable
+    source: SimulatedSensor
 
     def controls(self) -> None:
         size = self.source.length * 1e3, self.source.width * 1e3
@@ -155,13 +126,12 @@ class PressedPage(Page):
         )
 
     def adapting(self) -> None:
-        days = self.source.sixteen_days
         ui.label("3. Let it drift, and recalibrate").classes("heading")
         small(
             "Silicone ages; simulated as a change of temperature, which changes speckle."
         )
         with div("row"):
-            button("Let 16 days pass", self._drift(days))
+            button("Let 16 days pass", self._drift(SIXTEEN_DAYS))
             button("Back to the first day", self._drift(0.0))
         small(RECALIBRATION)
         button("Recalibrate all classes where they were taught", self._all)
@@ -197,13 +167,13 @@ class PressedPage(Page):
     async def _pressed(self, event: events.MouseEventArguments) -> None:
         x = event.image_x * 1e-3
         y = self.source.width / 2 - event.image_y * 1e-3
-        near = {
-            math.hypot(place.x - x, place.y - y): place
-            for place in self.session.places.values()
-            if place is not None
-        }
-        least = min(near, default=math.inf)
-        await self._press(near[least] if least < NEAR else Touch(x, y))
+        near = Touch(DEPTH, x, y)
+        least = NEAR
+        for place in filter(None, self.session.places.values()):
+            distance = math.hypot(place.x - x, place.y - y)
+            if distance < least:
+                near, least = place, distance
+        await self._press(near)
 
     async def _press(self, touch: Touch | None) -> None:
         await self.do(lambda _: self.source.press(touch))

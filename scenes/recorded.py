@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from hdc import readers
-from hdc.parameters import check_integer
 from scenes.frames import Indices
 
 
@@ -59,8 +58,6 @@ def open_recording(path: str | Path, **settings: Any) -> RecordedScene:
     Raises:
         ValueError: as there; a setting is named as in the configuration, ``scene.crop``.
     """
-    if "memory_bytes" in settings:
-        check_integer("scene.memory_bytes", settings["memory_bytes"], 0)
     try:
         return RecordedScene(readers.open_recording(path, **settings))
     except readers.SettingError as error:

@@ -18,18 +18,16 @@ from scenes.validate import require
 
 
 class Halves:
-    """One scene as two sessions: of each class, the frames before and after a point in time.
+    """One scene as two sessions: the first half in time of the frames of each class, and the rest.
 
     Args:
         scene: the scene; its ``samples["order"]`` is the time.
-        share: share of the frames of each class that is session 0, in (0, 1).
     """
 
     cacheable = False
 
-    def __init__(self, scene: Scene, share: float = 0.5):
+    def __init__(self, scene: Scene):
         self._scene = scene
-        self._share = share
         self.classes = scene.classes
         self.labels = scene.labels
         self.shape = scene.shape
@@ -39,7 +37,7 @@ class Halves:
             members = np.flatnonzero(self.labels == c)
             times = scene.samples["order"][members]
             in_time = members[np.argsort(times, kind="stable")]
-            first_later = round(share * len(members))
+            first_later = round(0.5 * len(members))
             session[in_time[first_later:]] = 1
         self.samples: Mapping[str, np.ndarray] = {**scene.samples, "session": session}
 
@@ -48,8 +46,8 @@ class Halves:
         return self._scene.frames(indices)
 
     def fingerprint(self) -> str:
-        """SHA-256 of the recording's digest and the share."""
-        text = f"{self._scene.fingerprint()} {self._share}"
+        """SHA-256 of the recording's digest and the share of the first session."""
+        text = f"{self._scene.fingerprint()} 0.5"
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -80,9 +78,8 @@ class Joined:
         self.labels = np.concatenate([scene.labels for scene in self._scenes])
         sizes = [len(scene.labels) for scene in self._scenes]
         self._starts = np.cumsum([0, *sizes])
-        orders = []
-        for scene, start in zip(self._scenes, self._starts, strict=False):
-            orders.append(scene.samples["order"] + start)
+        starts = zip(self._scenes, self._starts, strict=False)
+        orders = [scene.samples["order"] + start for scene, start in starts]
         self.samples: Mapping[str, np.ndarray] = {
             "order": np.concatenate(orders),
             "session": np.repeat(np.arange(len(sizes)), sizes),
@@ -90,15 +87,11 @@ class Joined:
 
     def frames(self, indices: Indices) -> Tensor:
         """Frames of the scenes that the indices fall into."""
-        index = np.asarray(indices, np.int64).reshape(-1)
-        parts = np.searchsorted(self._starts, index, side="right") - 1
-        dtype = self._scenes[0].frames([0]).dtype
-        frames = torch.empty((len(index), *self.shape), dtype=dtype)
-        for k in np.unique(parts):
-            chosen = np.flatnonzero(parts == k)
-            rows = index[chosen] - self._starts[k]
-            frames[chosen] = self._scenes[k].frames(rows).cpu()
-        return frames
+        frames = []
+        for index in np.asarray(indices, np.int64).reshape(-1):
+            part = int(np.searchsorted(self._starts, index, side="right")) - 1
+            frames.append(self._scenes[part].frames([index - self._starts[part]]))
+        return torch.cat(frames) if frames else self._scenes[0].frames([])
 
     def fingerprint(self) -> str:
         """SHA-256 of the scenes' digests."""

@@ -59,18 +59,13 @@ class Source:
             FileNotFoundError: it is not there; the message has the command that gets it.
         """
         place = self.find()
-        if place is not None:
-            return place
-        root = os.environ.get(DATA)
-        if not root:
+        if place is None:
+            root = os.environ.get(DATA, "the variable not set")
             raise FileNotFoundError(
                 f"{DATA}: expected a folder with a checkout of github.com/{self.repository}, found "
-                f"the variable not set; export {DATA}=FOLDER, then: {self.command()}"
+                f"{root}; export {DATA}=FOLDER, then: {self.command()}"
             )
-        raise FileNotFoundError(
-            f"scene.source: expected a checkout of github.com/{self.repository}, found none in "
-            f"{DATA}={root}; get it by: {self.command()}"
-        )
+        return place
 
     def command(self) -> str:
         """The git commands that make the checkout; they fail where ``MEASURED_DATA`` is not set."""

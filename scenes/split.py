@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenes.validate import is_integer, require
+from hdc.parameters import check_integer
+from scenes.validate import require
 
 KINDS = ("random", "ordered")
 """Kinds of splits that need no groups; ``"grouped"`` does."""
@@ -19,8 +20,7 @@ KINDS = ("random", "ordered")
 def split(
     labels: np.ndarray,
     *,
-    test_fraction: float | None = None,
-    n_test: int | None = None,
+    test_fraction: float = 0.2,
     kind: str = "random",
     seed: int = 0,
     order: np.ndarray | None = None,
@@ -30,9 +30,8 @@ def split(
 
     Args:
         labels: int64 [N].
-        test_fraction: share of the samples to test on, in (0, 1); 0.2 by default.
-        n_test: the number of test samples instead. Rounding is by largest remainder, and ties go to
-            the lowest label.
+        test_fraction: share of the samples to test on, in (0, 1). Rounding is by largest
+            remainder, and ties go to the lowest label.
         kind: ``"random"``; ``"ordered"``: the last samples in time of each class test; or
             ``"grouped"``: no group has samples on both sides. Groups are taken in random
             order, and a group tests if it brings the test samples nearer to the proportions of the
@@ -42,18 +41,16 @@ def split(
         groups: group of each sample [N], numbers or strings, for ``"grouped"``.
 
     Returns:
-        train [N − n_test], test [n_test]. With ``"grouped"``, n_test is as near as whole groups
-            allow.
+        train, test: indices. With ``"grouped"``, their numbers are as near as whole groups allow.
 
     Raises:
         ValueError: an argument is out of range, or a class would have no training or test sample.
     """
     classes, class_of, counts = _classes(labels)
     n = len(class_of)
-    if n_test is None:
-        fraction = 0.2 if test_fraction is None else test_fraction
-        require(0 < fraction < 1, "split.test_fraction", fraction, "a number in (0, 1)")
-        n_test = round(n * float(fraction))
+    inside = 0 < test_fraction < 1
+    require(inside, "split.test_fraction", test_fraction, "a number in (0, 1)")
+    n_test = round(n * float(test_fraction))
     # In proportion to the counts: largest remainders, in exact integers.
     target, remainder = np.divmod(n_test * counts, n)
     left = n_test - target.sum()
@@ -65,17 +62,10 @@ def split(
 
     rng = np.random.default_rng(seed)
     if kind == "grouped":
-        require(groups is not None, "split.groups", groups, "the group of each sample")
         test = _of_whole_groups(classes, class_of, target, np.asarray(groups), rng)
         train = rng.permutation(n)
         return train[~np.isin(train, test)], test
-    require(kind in KINDS, "split.kind", kind, f"one of {', '.join(KINDS)}, grouped")
-    if kind == "random":
-        rank = rng.permutation(n)
-    else:
-        expected = "the place of each sample"
-        require(order is not None, "split.order", order, expected)
-        rank = np.asarray(order)
+    rank = rng.permutation(n) if kind == "random" else np.asarray(order)
     trained, tested = [], []
     for members, n_last in zip(
         _by_class(class_of, rank, len(classes)), target, strict=True
@@ -123,70 +113,58 @@ def neighbours_leak(
     order: np.ndarray,
     train: np.ndarray,
     test: np.ndarray,
-    session: np.ndarray | None = None,
+    session: np.ndarray,
 ) -> float:
     """Share of the test samples whose neighbour in time is a training sample of the same class.
 
     Neighbouring frames of one touch are nearly copies, so near 1 a test measures memory. For
     independent samples of L classes the share is 2/L or less.
 
-    Arguments are labels int64 [N], the place in time of each sample [N], and indices from
-    :func:`split`. Where the ``session`` of each sample [N] is given, neighbours are of one session,
-    because each session may count its times from 0.
+    Arguments are labels int64 [N], the place in time of each sample [N], indices from :func:`split`
+    and the session of each sample [N]: neighbours are of one session, because each session may
+    count its times from 0.
     """
     _, class_of, _ = _classes(labels)
-    if session is None:
-        session = np.zeros(len(class_of))
-    sessions = np.asarray(session)
-    trained = np.full(len(class_of), -1)  # class of a training sample, else −1
+    trained = np.full(len(class_of), -1)
     trained[train] = class_of[train]
-    in_time = np.lexsort((order, sessions))
-    same_session = sessions[in_time][1:] == sessions[in_time][:-1]
-    same_class = trained[in_time][:-1] == class_of[in_time][1:]
-    leaks = np.zeros(len(class_of), bool)
-    leaks[in_time[1:]] |= same_session & same_class  # from the one before
-    same_class = trained[in_time][1:] == class_of[in_time][:-1]
-    leaks[in_time[:-1]] |= same_session & same_class  # from the one after
-    return float(leaks[test].mean())
+    in_time = np.lexsort((order, session))
+    session, trained, class_of = session[in_time], trained[in_time], class_of[in_time]
+    together = session[1:] == session[:-1]
+    leaks = np.zeros(len(in_time), bool)
+    leaks[1:] |= together & (trained[:-1] == class_of[1:])  # from the one before
+    leaks[:-1] |= together & (trained[1:] == class_of[:-1])  # from the one after
+    return float(leaks[np.isin(in_time, test)].mean())
 
 
-def learning_curve_subsets(
+def learning_curve_subset(
     train: np.ndarray,
     labels: np.ndarray,
-    sizes: Sequence[int],
+    size: int,
     seed: int = 0,
-) -> dict[int, np.ndarray]:
-    """For each size n, n training indices: stratified, and contained in every larger subset.
+) -> np.ndarray:
+    """So many training indices: stratified, and contained in every larger subset.
 
-    They are the first n of one order of all, in which any first n are as near to the proportions of
+    They are the first of one order of all, in which any first n are as near to the proportions of
     the classes as whole samples allow, and the first L have each class once.
 
     Args:
         train: training indices [M].
         labels: int64 [N], of all samples.
-        sizes: each in [L, M], where L is the number of classes among the training samples; where
-            all classes have equally many, a multiple of L, because one frame more would favour a
-            class in HDC.
+        size: in [L, M], where L is the number of classes among the training samples; where all
+            classes have equally many, a multiple of L, because one frame more would favour a class
+            in HDC.
         seed: of the choice within each class.
 
-    Returns:
-        {n: indices [n]} in increasing n.
-
     Raises:
-        ValueError: a size is not as above.
+        ValueError: the size is not as above.
     """
     classes, class_of, counts = _classes(labels[train])
     low, high = len(classes), len(train)
-    expected = (
-        f"integers from {low} (one sample a class) to {high} (all training samples)"
-    )
-    for size in sizes:
-        inside = is_integer(size) and low <= size <= high
-        require(inside, "split.n_train", size, expected)
-        less = size // low * low
-        fair = f"a multiple of the {low} classes, such as {less} or {less + low}"
-        alike = bool((counts == counts[0]).all())
-        require(not alike or size == less, "split.n_train", size, fair)
+    check_integer("split.n_train", size, low, high)  # one of each class, all
+    less = size // low * low
+    fair = f"a multiple of the {low} classes, such as {less} or {less + low}"
+    alike = bool((counts == counts[0]).all())
+    require(not alike or size == less, "split.n_train", size, fair)
     rank = np.random.default_rng(seed).permutation(len(train))
     # The k-th sample of a class of n is due at the share (k + 1/2)/n of the whole; the first of
     # each class is due at once.
@@ -195,9 +173,7 @@ def learning_curve_subsets(
         count = len(members)
         due[members] = (np.arange(count) + 0.5) / count
         due[members[0]] = -1.0
-    ordered = train[np.lexsort((rank, due))]
-    wanted = sorted({int(size) for size in sizes})
-    return {size: ordered[:size] for size in wanted}
+    return train[np.lexsort((rank, due))[:size]]
 
 
 TRAIN, VALIDATION, TEST = (
@@ -222,18 +198,15 @@ def sessions_by_name(names: Sequence[str]) -> tuple[list[str], list[str]] | None
     return None
 
 
-def by_session(
-    sessions: np.ndarray, train: object = 0, test: object = 1
-) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the samples of one session and of another one, from the session of each [N].
+def by_session(sessions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the samples of the first session and of the last, from the session of each [N].
 
     Raises:
-        ValueError: the two are the same, or there is no session ``test``.
+        ValueError: there is one session only.
     """
-    present = np.unique(sessions).tolist()
-    expected = f"a session other than {train!r} of the sessions {present}"
-    require(train != test and test in present, "split.test", test, expected)
-    return np.flatnonzero(sessions == train), np.flatnonzero(sessions == test)
+    first, last = sessions.min(), sessions.max()
+    require(first != last, "scene", 1, "two or more sessions")
+    return np.flatnonzero(sessions == first), np.flatnonzero(sessions == last)
 
 
 def _classes(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

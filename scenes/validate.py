@@ -4,16 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from hdc.parameters import is_number
-
-
-def is_integer(value: object) -> bool:
-    """Whether a value is an integer of Python or NumPy; True and False are not."""
-    if isinstance(value, bool):
-        return False
-    return isinstance(value, int | np.integer)
 
 
 def require(
@@ -35,9 +26,6 @@ def require_number(
     strict: bool = False,
 ) -> None:
     """Raise a ValueError unless the value is a finite number ≥ ``low``, > if ``strict``."""
-    if strict:
-        inside = is_number(value) and low < value
-        require(inside, key, value, f"a finite number > {low:g}")
-    else:
-        inside = is_number(value) and low <= value
-        require(inside, key, value, f"a finite number ≥ {low:g}")
+    sign = ">" if strict else "≥"
+    inside = is_number(value) and value >= low and not (strict and value == low)
+    require(inside, key, value, f"a finite number {sign} {low:g}")

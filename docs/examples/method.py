@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 import torch
 from matplotlib.figure import Figure
+from torch.nn.functional import interpolate
 
 from hdc import HDCClassifier, bits
 from scenes.fibre import FibreScene
 
 SHOWN = 3  # class of the frame that is shown: pressed by 40 to 60 µm
-SIDE = 123  # pixels a side of each polarisation
+SIDE = 123  # pixels a side of each polarisation, between those of the frames
 MIDDLE = slice(33, 90)  # of them
 FILE = Path(__file__).resolve().parents[1] / "method.webp"
 
@@ -26,7 +27,8 @@ FILE = Path(__file__).resolve().parents[1] / "method.webp"
 def pictures(scene):
     """The frame, its bits, and the majority of its class, each [H, W]; and the share of bits
     that differ between the frame and the prototype of each class [L]."""
-    frames = scene.frames(range(len(scene.labels)))[:, MIDDLE, MIDDLE]
+    frames = scene.frames(range(len(scene.labels))).float()[:, None]
+    frames = interpolate(frames, (SIDE, 2 * SIDE), mode="bicubic")[:, 0, MIDDLE, MIDDLE]
     left_out = np.arange(len(frames)) // len(scene.classes) % 5 == 4
     model = HDCClassifier().fit(frames[~left_out], scene.labels[~left_out])
     frame = frames[left_out & (scene.labels == SHOWN)][:1]
@@ -60,4 +62,4 @@ def draw(scene):
 
 
 if __name__ == "__main__":
-    draw(FibreScene(side=SIDE)).savefig(FILE, dpi=200, pil_kwargs={"quality": 60})
+    draw(FibreScene()).savefig(FILE, dpi=200, pil_kwargs={"quality": 60})

@@ -13,7 +13,7 @@ from scenes.frames import Scene
 from scenes.split import (
     KINDS,
     by_session,
-    learning_curve_subsets,
+    learning_curve_subset,
     leave_group_out,
     neighbours_leak,
     sessions_by_name,
@@ -55,7 +55,7 @@ def choose(
     n = wanted.n_train
     if n is None:
         return train, test
-    return learning_curve_subsets(train, scene.labels, [n], seed)[n], test
+    return learning_curve_subset(train, scene.labels, n, seed), test
 
 
 def resample_split(
@@ -129,8 +129,7 @@ def _across_sessions(
     names = scene.samples.get("session_name")
     named = None if names is None else sessions_by_name(np.unique(names).tolist())
     if names is None or named is None:
-        sessions = _sessions(scene)
-        first, test = by_session(sessions, *np.unique(sessions)[[0, -1]].tolist())
+        first, test = by_session(_sessions(scene))
     else:
         first, test = (np.flatnonzero(np.isin(names, each)) for each in named)
         _tell_unused(names, named)

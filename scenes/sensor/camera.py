@@ -86,13 +86,10 @@ class Camera:
         if self.unevenness == 0 or self.crop == 1:
             return np.ones_like(square)
 
-        def beam(width: float) -> np.ndarray:
-            return np.asarray(np.exp(-square / (2 * width**2)))
-
         low, high = 0.2, 50.0  # a wider beam is more even
         while high - low > 1e-12:
             width = (low + high) / 2
-            light = beam(width)
+            light = np.exp(-square / (2 * width**2))
             if light.std() > self.unevenness * light.mean():
                 low = width
             else:

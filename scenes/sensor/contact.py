@@ -32,14 +32,13 @@ class Touch:
     Attributes:
         depth: indentation in m.
         x, y: the centre in m.
-        sample, object: random streams of this touch alone, and of the touched object.
+        random: the random stream of this touch alone.
     """
 
     depth: float
     x: float
     y: float
-    sample: np.random.Generator | None = None
-    object: np.random.Generator | None = None
+    random: np.random.Generator | None = None
 
 
 BoundContact = Callable[[Touch], Tensor]

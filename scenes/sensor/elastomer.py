@@ -26,6 +26,7 @@ from scenes.validate import require_number
 Array = NDArray[np.float64]
 
 TAIL = 40.0  # the integrand is dropped where e^{−kh} < e^{−40}
+INTERVALS = 400  # of a table
 NODES_PER_PERIOD = 8  # Gauss-Legendre nodes a period of the fastest oscillation
 
 
@@ -198,29 +199,11 @@ class Layer:
         z: Array,
         radius: float,
     ) -> tuple[Array, Array]:
-        """(u_r, u_z) [len(r), len(z)] per metre of indentation by a contact of this radius."""
-        r, z = np.atleast_1d(r, z)
-        u_r_over_r, u_z = self._displacement(r, z, radius)
-        return u_r_over_r * r[:, None], u_z
-
-    def _displacement(
-        self,
-        r: Array,
-        z: Array,
-        radius: float,
-    ) -> tuple[Array, Array]:
-        """(u_r/r [1/m], u_z [1]) with u_z(0, h) = −1."""
+        """(u_r/r [1/m], u_z [1]) at radii [R] and heights [Z], each [R, Z], per metre of
+        indentation by a contact of this radius: u_z(0, h) = −1."""
         u_r_over_r, sunk = _unscaled(r, z, radius, self.thickness)
         w0 = self.compliance(radius)
         return u_r_over_r / w0, -sunk / w0
-
-    def table(
-        self, radius: float, intervals: int = 400, extent: float = 0.12
-    ) -> RadialTable:
-        """Tabulated displacement at the levels; ``extent`` is the largest radius asked for."""
-        # The tail falls by e in 1.15 h.
-        reach = min(extent, radius + 30 * self.thickness)
-        return _table(self, radius, intervals, reach)
 
     def compliance(self, radius: float) -> float:
         """w0 in 1/m: the dimensionless surface compliance ∫ Φ(ka) P(k, h) dk of a Hertz contact."""
@@ -230,17 +213,15 @@ class Layer:
 
 
 @lru_cache(maxsize=32)
-def _table(
-    layer: Layer,
-    radius: float,
-    intervals: int,
-    reach: float,
-) -> RadialTable:
+def radial_table(layer: Layer, radius: float, extent: float) -> RadialTable:
+    """Tabulated displacement at the levels; ``extent`` is the largest distance asked for."""
+    # The tail falls by e in 1.15 h.
+    reach = min(extent, radius + 30 * layer.thickness)
     stretch = 4 * radius  # steps near the contact about a/60, at r = 100 mm about h/2
-    t = np.linspace(0, reach / (reach + stretch), intervals + 1)
+    t = np.linspace(0, reach / (reach + stretch), INTERVALS + 1)
     r = stretch * t / (1 - t)
     pieces = []
-    for values in layer._displacement(r, layer.heights, radius):
+    for values in layer.displacement(r, layer.heights, radius):
         pieces += _cubic_pieces(values)
     coefficients = np.stack(pieces, axis=-1).swapaxes(0, 1)
     return RadialTable(coefficients.copy(), stretch, reach)

@@ -55,14 +55,12 @@ class SpeckleScene:
         seed: int = 0,
     ) -> None:
         check_integer("seed.samples", seed, 0)
-        require(len(classes) > 0, "scene.classes", classes, "at least one class")
-        require(len(sessions) > 0, "scene.sessions", sessions, "at least one session")
         self.sensor = sensor
         self.sessions = tuple(sessions)
         self.seed = seed
         check_integer("scene.samples_per_class", samples_per_class, 1)
         self.classes = tuple(map(str, classes))
-        self._counts = [samples_per_class] * len(self.classes)
+        self._per_class = samples_per_class
         self.contacts: list[Press | None] = []
         for name, difference in classes.items():
             if difference is None:
@@ -111,8 +109,7 @@ class SpeckleScene:
             depth=float(self.samples["depth"][index]),
             x=float(self.samples["x"][index]),
             y=float(self.samples["y"][index]),
-            sample=self._stream("texture", index),
-            object=stream(self.seed, "object", label),
+            random=self._stream("texture", index),
         )
         phases += self._bound[label](touch)
         return phases
@@ -127,7 +124,7 @@ class SpeckleScene:
             "sensor": asdict(self.sensor),
             "contacts": contacts,
             "classes": self.classes,
-            "counts": self._counts,
+            "counts": [self._per_class] * len(self.classes),
             # A key without a meaning, on which the digests of all records stand.
             "sessions": [asdict(room) | {"creep": None} for room in self.sessions],
             "seed": self.seed,
@@ -140,29 +137,28 @@ class SpeckleScene:
         plans = []
         for session, room in enumerate(self.sessions):
             plans.append(self._plan_session(session, room))
-        labels = np.concatenate([label for label, _ in plans])
         samples = {}
-        for name in plans[0][1]:
-            columns = [sample[name] for _, sample in plans]
-            samples[name] = np.concatenate(columns)
+        for name in plans[0]:
+            samples[name] = np.concatenate([plan[name] for plan in plans])
         deepest = float(samples["depth"].max(initial=0.0))
         thickness = self.sensor.layer.thickness
         limit = f"less than the layer's thickness, {thickness:g} m, in every touch"
         require(deepest < thickness, "scene.contact.depth", deepest, limit)
-        return labels.astype(np.int64), samples
+        return samples.pop("label"), samples
 
-    def _plan_session(
-        self, session: int, room: Room
-    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    def _plan_session(self, session: int, room: Room) -> dict[str, np.ndarray]:
         """Labels and properties of the samples of one session."""
-        n = int(sum(self._counts))
-        ordered = np.repeat(np.arange(len(self.classes)), self._counts)
-        labels = stream(self.seed, "labels", session).permutation(ordered)
+        ordered = np.repeat(np.arange(len(self.classes)), self._per_class)
+        labels, n = (
+            stream(self.seed, "labels", session).permutation(ordered),
+            len(ordered),
+        )
         touches = stream(self.seed, "touches", session)
         normals = touches.standard_normal((n, 3))
         weather = stream(self.seed, "room", session)
         temperature = room.temperatures(n, weather)
         sample = {
+            "label": labels,
             "order": np.arange(n),
             "session": np.full(n, session),
             "temperature": temperature,
@@ -178,7 +174,7 @@ class SpeckleScene:
                 sample[name][mine] = values
         # A contact that is not glued to the layer presses it and never pulls.
         np.maximum(sample["depth"], 0, out=sample["depth"])
-        return labels, sample
+        return sample
 
     def _stream(self, purpose: str, index: int) -> np.random.Generator:
         session = self.samples["session"][index]

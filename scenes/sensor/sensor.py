@@ -11,7 +11,7 @@ from torch import Tensor
 
 from hdc.parameters import check_integer
 from scenes.sensor.camera import Camera, MountedCamera
-from scenes.sensor.elastomer import Layer
+from scenes.sensor.elastomer import Layer, radial_table
 from scenes.sensor.environment import Thermal
 from scenes.sensor.paths import Paths, PathSet, Table
 from scenes.sensor.seeds import stream
@@ -74,5 +74,4 @@ class Sensor:
     def table(self, radius: float, dtype: torch.dtype) -> Table:
         """Displacement under a contact of this radius, at the heights of the paths' vertices."""
         extent = self.paths.length + self.paths.width  # more than the sensor's diagonal
-        table = self.layer.table(radius, extent=extent)
-        return Table(table, dtype, self.place)
+        return Table(radial_table(self.layer, radius, extent), dtype, self.place)

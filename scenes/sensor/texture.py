@@ -2,7 +2,7 @@
 
 The press's Hertz pressure is replaced by point forces on a jittered lattice of spacing s inside the
 contact, f_g ∝ p_Hertz(x_g)·w_g with w_g ~ Gamma(mean 1, variance c), with the same total force;
-every touch meets another patch of grains, or always the same one. Relative to the smooth press,
+every touch meets another patch of grains. Relative to the smooth press,
 with unit total force,
 
     δF(k) = Σ_g f_g·e^{−ik·x_g} − 3Φ(ka)·e^{−ik·x_c}
@@ -33,6 +33,11 @@ from scenes.sensor.sensor import Sensor
 from scenes.validate import require, require_number
 
 KEY = "scene.contact"
+CELL = 0.1e-3
+"""m, the finest grid cell. A grain's force is spread over one cell, so this is also the size of the
+spot that it presses on (a point force would sink without bound)."""
+SIDE = 256  # grid points a side
+FINEST = 1 / 5  # cells are up to so many times their depth
 
 
 @dataclass(frozen=True)
@@ -40,40 +45,24 @@ class TexturedPress(Press):
     """A press with a grainy face.
 
     Args:
-        spacing: s in m, the distance of grains; ``None`` for a smooth face, no texture is built.
+        spacing: s in m, the distance of grains.
         variance: c of the grains' share of the load (0: all alike).
         offset: what this object adds to the depth, in m (a thicker sheet under a press that stops
             at a position).
-        fresh: whether every touch meets a new patch of the object; ``False`` if the press returns
-            to the same place.
-        cell: finest grid cell in m. A grain's force is spread over one cell, so this is also the
-            size of the spot that it presses on (a point force would sink without bound).
-        side: grid points per side; a power of two.
     """
 
-    spacing: float | None = None
+    spacing: float = 0.5e-3
     variance: float = 0.0
     offset: float = 0.0
-    fresh: bool = True
-    cell: float = 0.1e-3
-    side: int = 256
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.spacing is not None:
-            require_number(f"{KEY}.spacing", self.spacing, 0, strict=True)
+        require_number(f"{KEY}.spacing", self.spacing, 0, strict=True)
         require_number(f"{KEY}.variance", self.variance, 0)
         require_number(f"{KEY}.offset", self.offset, -self.depth)
-        power = (
-            self.side & (self.side - 1) == 0
-            and 2.5 * self.radius <= self.side * self.cell
-        )
-        require(
-            power,
-            f"{KEY}.side",
-            self.side,
-            "a power of two, 2.5 contact radii wide or more",
-        )
+        largest = SIDE * CELL / 2.5
+        fits = self.radius <= largest
+        require(fits, f"{KEY}.radius", self.radius, f"{largest:g} m or less of grains")
 
     def draw(self, normals: np.ndarray) -> dict[str, np.ndarray]:
         drawn = super().draw(normals)
@@ -81,8 +70,7 @@ class TexturedPress(Press):
 
     def bind(self, sensor: Sensor) -> BoundContact:
         deeper = replace(self, depth=self.depth + self.offset)
-        smooth = Press.bind(deeper, sensor)
-        return smooth if self.spacing is None else GrainyPress(self, sensor, smooth)
+        return GrainyPress(self, sensor, Press.bind(deeper, sensor))
 
 
 class GrainyPress:
@@ -92,22 +80,16 @@ class GrainyPress:
         self, press: TexturedPress, sensor: Sensor, smooth: BoundContact
     ) -> None:
         self._press, self._smooth = press, smooth
-        shape = press.radius, press.cell, press.side
-        self._patch = _patch(sensor, press.position, *shape)
+        self._patch = _patch(sensor, press.position, press.radius)
 
     def __call__(self, touch: Touch) -> Tensor:
-        rng = touch.sample if self._press.fresh else touch.object
-        assert rng is not None
-        x, y, force = self.grains(touch, rng)
-        grainy = self._patch.phases(x, y, force, touch)
+        grainy = self._patch.phases(*self.grains(touch), touch)
         return self._smooth(touch).add_(grainy)
 
-    def grains(
-        self, touch: Touch, rng: np.random.Generator
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def grains(self, touch: Touch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Positions in m about the target and forces (sum 1) of a new patch's grains."""
-        press = self._press
-        assert press.spacing is not None
+        press, rng = self._press, touch.random
+        assert rng is not None
         n = math.ceil(press.radius / press.spacing) + 1
         lattice = np.arange(-n, n + 1)
         origin_x, origin_y = rng.uniform(-0.5, 0.5, 2)
@@ -131,7 +113,7 @@ class GrainyPress:
 class Patch:
     """Displacement by grains on a periodic grid about one position, read by the paths.
 
-    Levels are grouped by the grid they need: cells up to ``finest`` times their depth. ``_groups``:
+    Levels are grouped by the grid they need: cells up to ``FINEST`` times their depth. ``_groups``:
     (points a side, response complex64 [levels·3, n, n/2 + 1]); ``_read``: sparse float32 [P, grid].
     """
 
@@ -140,23 +122,18 @@ class Patch:
         sensor: Sensor,
         position: tuple[float, float],
         radius: float,
-        cell: float,
-        side: int,
-        finest: float = 1 / 5,
     ) -> None:
         self._sensor = sensor
         self._position = position
-        self._cell = cell
-        self._side = side
-        self._half = side * cell / 2
-        self._kx = 2 * np.pi * np.fft.rfftfreq(side, cell)
-        along = np.fft.fftfreq(side, cell)
+        self._half = SIDE * CELL / 2
+        self._kx = 2 * np.pi * np.fft.rfftfreq(SIDE, CELL)
+        along = np.fft.fftfreq(SIDE, CELL)
         self._ky = 2 * np.pi * along[:, None]
         self._k = np.hypot(self._kx, self._ky)
         self._hertz = 3 * hertz_transform(self._k * radius)
         self._groups = []
         offset, columns, rows, weights = 0, [], [], []
-        for n, levels in self._grids(finest).items():
+        for n, levels in self._grids().items():
             response = self._response(levels, n, radius)
             self._groups.append((n, torch.from_numpy(response).to(sensor.place)))
             for level in levels:
@@ -165,22 +142,26 @@ class Patch:
                 rows.append(row)
                 weights.append(weight)
                 offset += 3 * n * n
-        self._read = self._sparse(
-            np.concatenate(weights),
-            (np.concatenate(rows), np.concatenate(columns)),
-            offset,
+        places = torch.from_numpy(
+            np.stack([np.concatenate(rows), np.concatenate(columns)])
         )
+        values = torch.from_numpy(np.concatenate(weights))
+        shape = (len(sensor.path_set), offset)
+        # Support of compressed rows is in beta.
+        with warnings.catch_warnings(action="ignore"):
+            entries = torch.sparse_coo_tensor(places, values, shape)
+            self._read = entries.to_sparse_csr().to(sensor.place)
 
-    def _grids(self, finest: float) -> dict[int, list[int]]:
+    def _grids(self) -> dict[int, list[int]]:
         """Levels by the grid that they need, in points a side."""
         layer = self._sensor.layer
         grids: dict[int, list[int]] = {}
         for level, z in enumerate(layer.heights):
-            coarser = finest * (layer.thickness - z) / self._cell
+            coarser = FINEST * (layer.thickness - z) / CELL
             doublings = 0
             if coarser > 2:
                 doublings = int(math.log2(coarser))
-            points = max(self._side >> doublings, 8)
+            points = max(SIDE >> doublings, 8)
             grids.setdefault(points, []).append(level)
         return grids
 
@@ -200,22 +181,9 @@ class Patch:
         horizontal = -1j * strength * q / safe
         components = [horizontal * self._kx, horizontal * self._ky, -strength * p]
         response = np.stack(components, axis=1)
-        whole = response.reshape(-1, self._side, self._side // 2 + 1)
-        area = (self._side * self._cell / n) ** 2
+        whole = response.reshape(-1, SIDE, SIDE // 2 + 1)
+        area = (SIDE * CELL / n) ** 2
         return (_coarsen(whole, n) / area).astype(np.complex64)
-
-    def _sparse(
-        self,
-        weights: np.ndarray,
-        coordinates: tuple[np.ndarray, np.ndarray],
-        n_columns: int,
-    ) -> Tensor:
-        """Matrix float32 [P, n_columns] on the device, from (rows, columns) of its weights."""
-        shape = (len(self._sensor.path_set), n_columns)
-        # Support of compressed rows is in beta.
-        with warnings.catch_warnings(action="ignore"):
-            entries = torch.sparse_coo_tensor(np.stack(coordinates), weights, shape)
-            return entries.to_sparse_csr().to(self._sensor.place)
 
     def _readings(
         self, level: int, n: int
@@ -253,9 +221,9 @@ class Patch:
         centre: tuple[float, float],
     ) -> np.ndarray:
         """δF complex [side, side/2 + 1]; each grain shared by its four nearest grid points."""
-        n = self._side
-        across = (x + self._half) / self._cell
-        along = (y + self._half) / self._cell
+        n = SIDE
+        across = (x + self._half) / CELL
+        along = (y + self._half) / CELL
         j, i = across.astype(np.int64), along.astype(np.int64)
         u, v = across - j, along - i
         grid = np.zeros(n * n)
@@ -322,8 +290,6 @@ def _patch(
     sensor: Sensor,
     position: tuple[float, float],
     radius: float,
-    cell: float,
-    side: int,
 ) -> Patch:
     """Objects that touch at the same place share one patch."""
-    return Patch(sensor, position, radius, cell, side)
+    return Patch(sensor, position, radius)

@@ -60,7 +60,7 @@ def test_from_python(tmp_path, monkeypatch):
     assert names["low"] <= names["difference"] <= names["high"]
     assert names["accuracy"](1.0) > 0.5
     assert len(names["rows"]) > 1000
-    assert set(names["rows"]["scene.side"].dropna()) == {41}
+    assert set(names["rows"]["scene.photons"].dropna()) == {50}
 
 
 def test_picture_of_the_method():
@@ -69,7 +69,7 @@ def test_picture_of_the_method():
     )
     method = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(method)
-    scene = FibreScene(CHECKOUT / "tests/data/mmf_disorder", side=method.SIDE)
+    scene = FibreScene(CHECKOUT / "tests/data/mmf_disorder")
     (frame, ones, prototype), distances = method.pictures(scene)
     assert frame[ones].min() >= frame[~ones].max()
     assert 2 * ones.sum() <= ones.numel()

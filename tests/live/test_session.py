@@ -11,10 +11,11 @@ from hdc.live import open_source
 from hdc.live.session import Session
 from hdc.live.worker import Worker
 from hdc.readers import Window
-from scenes.live import SIXTEEN_DAYS, SimulatedSensor
-from scenes.pressed import PressedSession, Touch
+from scenes.pressed import DEPTH, PressedSession
+from scenes.sensor.contact import Touch
+from scenes.simulated import SIXTEEN_DAYS, SimulatedSensor
 
-PLACES = {name: Touch(x, 0.0)
+PLACES = {name: Touch(DEPTH, x, 0.0)
           for name, x in (("left", 0.028), ("middle", 0.040), ("right", 0.052))}  # fmt: skip
 
 
@@ -65,7 +66,7 @@ def test_one_class_is_recalibrated_by_the_present_touch_and_learns_on(taught):
 
 
 def test_tests_and_recalibration_return_to_where_a_class_was_touched_last(taught):
-    elsewhere = Touch(0.033, 2e-3, 1.5e-3)
+    elsewhere = Touch(1.5e-3, 0.033, 2e-3)
     taught.source.press(elsewhere)
     taught.learn("left", 5)
     asked = []

@@ -41,7 +41,7 @@ def test_halves_are_the_earlier_and_the_later_frames_of_each_class():
         assert len(times[0]) == len(times[1]) == 5
         assert times[0].max() < times[1].min()
     assert torch.equal(halves.frames([3, 1]), recording.frames([3, 1]))
-    assert halves.fingerprint() != Halves(recording, 0.3).fingerprint()
+    assert halves.fingerprint() != recording.fingerprint()
 
 
 def test_joined_scenes_are_sessions_in_their_order():

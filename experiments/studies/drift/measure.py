@@ -171,7 +171,8 @@ def choose(
     old, test_old = splits.choose(scene, old_split, seed)
     in_time = scene.samples["order"][second]
     labels = scene.labels[second]
-    pool, test = split(labels, n_test=n_test, kind="ordered", seed=seed, order=in_time)
+    share = n_test / len(labels)
+    pool, test = split(labels, test_fraction=share, kind="ordered", order=in_time)
     return Choice(old, second[pool], second[test], test_old)
 
 

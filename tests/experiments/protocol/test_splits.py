@@ -20,12 +20,12 @@ def split(kind="random", n_train=None, test_fraction=0.2):
             r"split\.kind: expected one of random, ordered, grouped, "
             r"leave_group_out, session, found 'sorted'",
         ),
-        (split(n_train=2), r"split\.n_train: expected integers from 3 .* found 2"),
+        (split(n_train=2), r"split\.n_train: expected an integer from 3 .* found 2"),
         (
             split(n_train=19),
             r"split\.n_train: .* of the 3 classes, such as 18 or 21, found 19",
         ),
-        (split(n_train=49), r"split\.n_train: expected .* 48 .* found 49"),
+        (split(n_train=49), r"split\.n_train: expected .* 48, found 49"),
     ],
 )
 def test_a_split_that_does_not_fit_names_its_key(wanted, message, make_scene):

@@ -12,8 +12,8 @@ def test_phase_is_the_change_of_the_optical_path(small):
     r = np.hypot(dx, dy)
     of_levels = layer.displacement(r.ravel(), layer.heights, radius)
     chosen = np.arange(r.size), level.ravel()
-    u_r, u_z = (u[chosen].reshape(r.shape) for u in of_levels)
-    u = np.stack([u_r * dx / r, u_r * dy / r, u_z], -1)
+    u_r_over_r, u_z = (u[chosen].reshape(r.shape) for u in of_levels)
+    u = np.stack([u_r_over_r * dx, u_r_over_r * dy, u_z], -1)
     ends = [(*small.paths.fibre, 2.5e-3), (*small.paths.camera, 2.5e-3)]
     start, stop = (np.broadcast_to(end, (1, x.shape[1], 3)) for end in ends)
 

@@ -92,7 +92,7 @@ def test_fingerprint_knows_every_setting_and_makes_no_frame():
         ("touch", "contact.depth=6e-3", r"scene.contact.depth: .*layer's thickness.*found 0\.006"),
         ("touch", "classes.L1.position=[0.2, 0.0]", "scene.classes.L1.position: .*surface"),
         ("touch", "contact=null", "scene.contact: expected one for class 'L1', found None"),
-        ("tactile", "contact.side=100", r"scene.contact.side: .* a power.*found 100"),
+        ("tactile", "contact.radius=11e-3", r"scene.contact.radius: .*0\.01024 m.*found 0\.011"),
     ],
 )  # fmt: skip
 def test_bad_values_are_named_before_any_frame(name, override, message):

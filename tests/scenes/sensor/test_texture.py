@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from scenes.sensor.contact import Touch
+from scenes.sensor.contact import Press, Touch
 from scenes.sensor.elastomer import Layer
 from scenes.sensor.seeds import stream
 from scenes.sensor.texture import TexturedPress
@@ -10,17 +10,16 @@ AT, A = (34e-3, 0.0), 5e-3
 
 
 def touch():
-    return Touch(0.8e-3, *AT, stream(0, "texture"), stream(0, "object"))
+    return Touch(0.8e-3, *AT, stream(0, "texture"))
 
 
-def face(**values):
-    return TexturedPress(AT, A, 0.8e-3, 0.01, 0.05e-3, **values)
+PRESS = AT, A, 0.8e-3, 0.01, 0.05e-3
 
 
 def test_many_equal_grains_are_nearly_smooth(small):
-    fine = face(spacing=0.1e-3, variance=0.0).bind(small)(touch())
-    coarse = face(spacing=0.6e-3, variance=1.0).bind(small)(touch())
-    smooth = face(spacing=None).bind(small)(touch())
+    fine = TexturedPress(*PRESS, spacing=0.1e-3, variance=0.0).bind(small)(touch())
+    coarse = TexturedPress(*PRESS, spacing=0.6e-3, variance=1.0).bind(small)(touch())
+    smooth = Press(*PRESS).bind(small)(touch())
     little, much = ((g - smooth).square().mean().sqrt().item() for g in (fine, coarse))
     assert little < 0.01 * smooth.square().mean().sqrt().item()
     assert much > 20 * little
