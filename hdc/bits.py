@@ -111,14 +111,24 @@ def hamming(queries: Tensor, prototypes: Tensor) -> Tensor:
         raise ValueError(
             f"hamming: expected equal widths, found {asked_width} and {width} words"
         )
-    if queries.device.type != "cpu":
-        return _hamming_by_torch(queries, prototypes)
-    asked = queries.contiguous().numpy()
-    known = prototypes.contiguous().numpy()
+    return _weighted_hamming(queries, prototypes[:, None])
+
+
+def _weighted_hamming(words: Tensor, counts: Tensor) -> Tensor:
+    """Σ_p 2^p Ham(v, b_p) of queries [Q, W] and planes [L, P, W]: int64 [Q, L]."""
+    n_classes, n_planes, width = counts.shape
     kernels = backends.in_use.get()
     if kernels:
-        return torch.from_numpy(kernels.weighted_hamming(asked, known[:, None]))
-    return torch.from_numpy(_hamming_by_numpy(asked, known))
+        asked = words.contiguous().numpy()
+        known = counts.contiguous().numpy()
+        return torch.from_numpy(kernels.weighted_hamming(asked, known))
+    on_cpu = words.device.type == "cpu"
+    measure = _hamming_by_numpy if on_cpu else _hamming_by_torch
+    distances = measure(words, counts.reshape(-1, width))
+    if n_planes == 1:
+        return distances
+    weights = 2 ** torch.arange(n_planes, device=words.device)
+    return (distances.view(-1, n_classes, n_planes) * weights).sum(2)
 
 
 def _hamming_by_torch(queries: Tensor, prototypes: Tensor) -> Tensor:
@@ -130,9 +140,9 @@ def _hamming_by_torch(queries: Tensor, prototypes: Tensor) -> Tensor:
     return distances
 
 
-def _hamming_by_numpy(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
-    asked = queries.view(np.uint64)
-    known = prototypes.view(np.uint64)
+def _hamming_by_numpy(queries: Tensor, prototypes: Tensor) -> Tensor:
+    asked = queries.contiguous().numpy().view(np.uint64)
+    known = prototypes.contiguous().numpy().view(np.uint64)
     distances = np.empty((len(asked), len(known)), np.int64)
     # Some tens of queries a step keep the intermediate words in the processor's cache.
     step = max(1, 2**16 // max(1, asked.shape[1]))
@@ -141,7 +151,7 @@ def _hamming_by_numpy(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray
         for j, prototype in enumerate(known):
             column = distances[start : start + step, j]
             np.bitwise_count(block ^ prototype).sum(-1, out=column)
-    return distances
+    return torch.from_numpy(distances)
 
 
 def _swar_popcount(words: Tensor) -> Tensor:
@@ -176,19 +186,6 @@ def shifted_dot(weights: Tensor, shift: int, words: Tensor, dimension: int) -> T
     """(2v − 1)·q of queries v and whole weights q, bit-sliced as q + shift: int64 [Q, L]."""
     n = torch.full((len(weights),), 2 * shift)
     return dot(weights, n, words, dimension) // 2
-
-
-def _weighted_hamming(words: Tensor, counts: Tensor) -> Tensor:
-    """Σ_p 2^p Ham(v, b_p) of queries [Q, W] and planes [L, P, W]: int64 [Q, L]."""
-    n_classes, n_planes, width = counts.shape
-    kernels = backends.in_use.get()
-    if kernels:
-        asked = words.contiguous().numpy()
-        known = counts.contiguous().numpy()
-        return torch.from_numpy(kernels.weighted_hamming(asked, known))
-    distances = hamming(words, counts.reshape(-1, width))
-    weights = 2 ** torch.arange(n_planes, device=words.device)
-    return (distances.view(-1, n_classes, n_planes) * weights).sum(2)
 
 
 def gram(a: Tensor, b: Tensor, dimension: int) -> Tensor:

@@ -153,10 +153,8 @@ def majority(counts: Tensor, n: int, ties: str = "zero") -> Tensor:
     """
     if ties not in TIES:
         raise ValueError(f"ties: {not_among(ties, TIES)}")
-    if n % 2 or ties == "zero":
-        return greater(counts, n // 2)
     # For n ≥ 1 the zero counts beyond D are not among these.
-    return greater(counts, n // 2 - 1)
+    return greater(counts, (n - (ties == "one")) // 2)
 
 
 def majorities(counts: Tensor, n: Tensor, ties: str = "zero") -> Tensor:

@@ -240,26 +240,36 @@ def _order_on(device: torch.device, n_pixels: int) -> tuple[Tensor, ...]:
 
 
 def one_by_one(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
-    """:func:`at_once` for large frames on the CPU."""
-    n, n_pixels = pixels.shape
+    """:func:`at_once` for large frames on the CPU.
+
+    The search for a threshold begins at that of the previous frame, which does not affect the
+    result.
+    """
+    images = pixels.numpy()
+    n, n_pixels = images.shape
     mask = np.empty((len(ones), n_pixels), np.bool_)
-    words = torch.empty(n, bits.words_for(mask.size), dtype=torch.int64)
+    words = np.zeros((n, bits.words_for(mask.size)), np.int64)
     n_equal = np.empty((n, len(ones)), np.int64)
     missing = np.empty_like(n_equal)
-    for i, image in enumerate(pixels.numpy()):
-        for t, threshold in enumerate(_thresholds(image, ones)):
+    thresholds: list[Any] = [0] * len(ones)
+    for i, image in enumerate(images):
+        thresholds = _thresholds(image, ones, thresholds)
+        for t, threshold in enumerate(thresholds):
             np.greater(image, threshold, out=mask[t])
             equal = np.flatnonzero(image == threshold)
             n_equal[i, t] = len(equal)
             missing[i, t] = ones[t] - np.count_nonzero(mask[t])
             if missing[i, t]:
                 mask[t, first_of(equal, missing[i, t], n_pixels)] = True
-        words[i] = bits.pack(torch.from_numpy(mask).flatten())
+        packed = np.packbits(mask, bitorder="little")
+        words.view(np.uint8)[i, : len(packed)] = packed
     return words, n_equal, missing > 0
 
 
-def _thresholds(image: np.ndarray, ones: Sequence[int]) -> list[Any]:
-    """For each number of ones, the least pixel of an image [D] with at most as many above it."""
+def _thresholds(
+    image: np.ndarray, ones: Sequence[int], guesses: Sequence[Any]
+) -> list[Any]:
+    """For each number of ones, the least value with at most as many pixels [D] above it."""
     if image.itemsize > 2:
         places = [len(image) - 1 - wanted for wanted in ones]
         return np.partition(image, places)[places].tolist()
@@ -269,9 +279,16 @@ def _thresholds(image: np.ndarray, ones: Sequence[int]) -> list[Any]:
         return int(np.count_nonzero(image > value))
 
     # Counting a few times takes less time than ordering the pixels.
-    least, most = int(image.min()), int(image.max())
-    found = []
-    for wanted in ones:
-        place = bisect_left(range(least, most), -wanted, key=lambda x: -n_above(x))
-        found.append(least + place)
-    return found
+    pairs = zip(ones, guesses, strict=True)
+    return [_search(n_above, wanted, guess) for wanted, guess in pairs]
+
+
+def _search(n_above: Callable[[int], int], wanted: int, guess: int) -> int:
+    """The least value with at most `wanted` pixels above it, fastest if it is near the guess."""
+    low, high, step = guess - 1, guess, 1
+    while n_above(high) > wanted:
+        low, high, step = high, high + step, 2 * step
+    while n_above(low) <= wanted:
+        low, high, step = low - step, low, 2 * step
+    values = range(low + 1, high)
+    return low + 1 + bisect_left(values, -wanted, key=lambda value: -n_above(value))

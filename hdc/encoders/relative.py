@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Self
 
 import torch
@@ -88,22 +88,18 @@ class RelativeEncoder(Encoder):
         """
         inputs.check_any(frames)
         total: Any = 0
-        step = _frames_at_a_time(frames)
-        for start in range(0, len(frames), step):
-            part = inputs.tensor(frames[start : start + step])
-            values = standardised(part, start)
+        for start, part in _in_parts(frames):
+            values = standardised(inputs.tensor(part), start)
             total = total + values.sum(0, dtype=torch.int64)
         self.reference_ = (total // len(frames)).to(torch.int32)
         return self
 
     def encode(self, frames: Tensor, first: int = 0) -> Tensor:
         """Hypervectors of the differences; see :meth:`hdc.encoders.ranks.RankEncoder.encode`."""
-        reference = self._in_range(frames[:1].numel()).to(frames.device)
+        reference = self._in_range(frames.shape[1:].numel()).to(frames.device)
         constant: list[int] = []
         words = []
-        step = _frames_at_a_time(frames)
-        for start in range(0, max(1, len(frames)), step):
-            part = frames[start : start + step]
+        for start, part in _in_parts(frames):
             values = standardised(part, first + start)
             flat = (values[:, 0] == 0).nonzero().flatten()  # of few frames
             flat = flat[~values[flat].any(1)]
@@ -119,8 +115,6 @@ class RelativeEncoder(Encoder):
         Flipped bits of a damaged memory cause such values.
         """
         values = self.reference_
-        if len(values) == 0:
-            return values
         most = _largest(n_pixels)
         return torch.where((values >= -most) & (values <= most), values, 0)
 
@@ -144,10 +138,13 @@ def _largest(n_pixels: int) -> int:
     return 2**FRACTION * (math.isqrt(n_pixels) + 1)
 
 
-def _frames_at_a_time(frames: Any) -> int:
+def _in_parts(frames: Any) -> Iterator[tuple[int, Any]]:
+    """Frames, some at a time, each part with the index of its first; once for no frame."""
     many = backends.in_use.get() or getattr(frames, "is_cuda", False)
     n_pixels = math.prod(frames.shape[1:])
-    return max(1, (_STEP_OF_MANY if many else _STEP) // max(1, n_pixels))
+    step = max(1, (_STEP_OF_MANY if many else _STEP) // max(1, n_pixels))
+    for start in range(0, max(1, len(frames)), step):
+        yield start, frames[start : start + step]
 
 
 # Standardised frames ------------------------------------------------------------------------------

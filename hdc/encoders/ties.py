@@ -25,21 +25,22 @@ MULTIPLIER = 0x9E3779B1  # 2^32 over the golden ratio
 
 
 @functools.lru_cache(maxsize=4)
+def keys(n_pixels: int) -> np.ndarray:
+    """Numbers int32 [D] of the pixels, which rise in the order in which ties become ones."""
+    width = words_for(n_pixels)
+    word, bit = np.divmod(np.arange(n_pixels), WORD)
+    rotation = (word * MULTIPLIER % 2**32) >> 26
+    return ((bit + rotation) % WORD * width + word).astype(np.int32)
+
+
+@functools.lru_cache(maxsize=4)
 def in_order(n_pixels: int) -> tuple[np.ndarray, np.ndarray]:
     """Pixels in the order in which ties become ones, int64 [D], and the place of each pixel."""
-    order = _keys(np.arange(n_pixels), n_pixels).argsort()
+    order = keys(n_pixels).argsort()
     return order, order.argsort()
 
 
 def first_of(tied: np.ndarray, wanted: int, n_pixels: int) -> np.ndarray:
     """The first of some pixels, of which fewer than all are wanted, in any order."""
-    keys = _keys(tied, n_pixels)
-    return tied[keys < np.partition(keys, wanted)[wanted]]
-
-
-def _keys(pixels: np.ndarray, n_pixels: int) -> np.ndarray:
-    """Numbers that rise in the order of pixels int64 [n], of a frame of n_pixels."""
-    width = words_for(n_pixels)
-    word, bit = pixels // WORD, pixels % WORD
-    rotation = (word * MULTIPLIER % 2**32) >> 26
-    return (bit + rotation) % WORD * width + word
+    own = keys(n_pixels)[tied]
+    return tied[own < np.partition(own, wanted)[wanted]]

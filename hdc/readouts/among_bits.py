@@ -12,8 +12,9 @@ about N·κ·ε, for the condition number κ of the equations.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import torch
@@ -38,14 +39,12 @@ class ProblemAmongBits:
 
     Attributes:
         products: S, float64 [D, D].
-        diagonal: diagonal of K, float64 [N].
         words: N hypervectors.
         rows: their classes int64 [N].
         means: μ, float64 [L, D].
     """
 
     products: Tensor
-    diagonal: Tensor
     words: Hypervectors
     rows: Tensor
     means: Tensor
@@ -54,9 +53,12 @@ class ProblemAmongBits:
     def of(cls, words: Hypervectors, rows: Tensor) -> Self:
         """Set up the equations of hypervectors and their classes int64 [N], which all occur."""
         products, means = scatter(words, rows)
-        problem = cls(products, torch.empty(len(rows)), words, rows, means)
-        squares = [(d**2).sum(1) for d in problem._inside()]
-        return replace(problem, diagonal=torch.cat(squares))
+        return cls(products, words, rows, means)
+
+    @functools.cached_property
+    def diagonal(self) -> Tensor:
+        """Diagonal of K, float64 [N]."""
+        return torch.cat([(d**2).sum(1) for d in self._inside()])
 
     @property
     def n_classes(self) -> int:

@@ -188,17 +188,16 @@ def spread_over(rows: Tensor) -> Tensor:
     """Places [m], in rising order, of frames to score, among N frames of classes int64 [N].
 
     They are evenly spread, with more of the classes that have too few among them, since a class
-    without scores would be in every prediction set.
+    without scores would be in every prediction set. The only frame of a class is not scored.
     """
     places = evenly(len(rows))
-    if len(places) == len(rows):
-        return places
     every = [places]
-    for c in rows.unique():
+    for c in rows.unique() if len(places) < len(rows) else ():
         of_class = (rows == c).nonzero().flatten()
         if int((rows[places] == c).sum()) < OF_CLASS:
             every.append(of_class[evenly(len(of_class), OF_CLASS)])
-    return torch.cat(every).unique()
+    chosen = torch.cat(every).unique()
+    return chosen[rows.bincount()[rows[chosen]] > 1]
 
 
 def evenly(n: int, most: int | None = None) -> Tensor:
@@ -213,9 +212,7 @@ def inverse_squares(factor: Tensor, columns: Tensor) -> Tensor:
 
 
 def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
-    """Leave-one-out scores float64 [m, L] of some frames, and their places [m] among the N.
-
-    The only frame of a class is not scored.
+    """Leave-one-out scores float64 [m, L] of the frames :func:`spread_over`, and their places [m].
 
     Args:
         products: products of all frames.
@@ -223,11 +220,9 @@ def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
     """
     n_classes = products.means.shape[0]
     chosen = spread_over(rows)
-    counts = torch.bincount(rows, minlength=n_classes)
-    several = counts[rows[chosen]] > 1
-    chosen, left = chosen[several], products.left[several][:, None]
+    left = products.left[:, None]
     row = rows[chosen]
-    n = counts[row].double()[:, None]
+    n = rows.bincount()[row].double()[:, None]
     own = (n - 1) / n - left
     is_own = torch.nn.functional.one_hot(row, n_classes).double()
     moved = 1 / (n - 1)

@@ -161,9 +161,7 @@ class LDA(Readout):
         held_out = new.held_out
         assert held_out is not None
         # The old discriminants have not learnt the new frames.
-        chosen = spread_over(rows)
-        several = torch.bincount(rows)[rows[chosen]] > 1
-        old = before * self.scores(state, words[chosen[several]]).double().cpu()
+        old = before * self.scores(state, words[spread_over(rows)]).double().cpu()
         found = HeldOut(unit * (old + after * held_out.scores), held_out.rows)
         return replace(mixed, held_out=found)
 

@@ -148,14 +148,15 @@ class Counting(Updatable):
         check_integer("random_state", random_state)
         method = self.methods[0] if method is None else method
         check_choice("method", method, self.methods)
-        classes = rows.unique().tolist()
+        known, place = rows.unique(return_inverse=True)
+        classes = known.tolist()
         if method == "replace" and (state.n[classes] == 0).any():
             raise ValueError(
                 "recalibrate: expected classes with training frames, found new frames of one "
                 "without; method='merge' or partial_fit learns it"
             )
         new = Counters(len(classes), state.dimension, words.packed.device)
-        new.add(words.packed, torch.searchsorted(torch.tensor(classes), rows))
+        new.add(words.packed, place)
         deciding = self.deciding(state).clone()
         move = self._merge_votes if method == "merge" else self._replace_bits
         moved, deciding[classes] = move(state, new, classes, share, random_state)
@@ -192,8 +193,8 @@ class Counting(Updatable):
         near = torch.stack([self._deciding_of(counted, i) for i in range(len(classes))])
         before = state.prototypes[classes]
         after = state.prototypes.clone()
-        after[classes] = before ^ ((before ^ fresh) & mask)
-        decided = before[:, None] ^ ((before[:, None] ^ near) & mask[:, None])
+        after[classes] = _where(mask, fresh, before)
+        decided = _where(mask[:, None], near, before[:, None])
         return replace(state, prototypes=after), decided
 
     # Left out ------------------------------------------------------------------------------------
@@ -272,10 +273,15 @@ class Majority(Counting):
             _, if_zero, whole, if_one, _ = deciding[c]
             places = (rows == c).nonzero().flatten()
             own = words[places].packed
-            without = (own & if_one) | (~own & if_zero)
+            without = _where(own, if_one, if_zero)
             farther = bits.count_ones(own ^ without) - bits.count_ones(own ^ whole)
             scores[places, c] -= farther.cpu()
         return HeldOut(scores, rows)
+
+
+def _where(mask: Tensor, ones: Tensor, zeros: Tensor) -> Tensor:
+    """Bits of `ones` at the ones of a mask, and of `zeros` at its zeros."""
+    return zeros ^ ((zeros ^ ones) & mask)
 
 
 def smallest(n: Tensor) -> int:

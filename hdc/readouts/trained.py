@@ -26,7 +26,7 @@ class Corrected(State):
     prototypes: Tensor
     """int64 [L, W]."""
     empty: Tensor
-    """int64 [L] (CPU), 1 for a class without training frames."""
+    """int64 [L] (CPU), zeros: version 3.0 reads a file with it."""
 
 
 class Trained(Readout):
@@ -57,10 +57,9 @@ class Trained(Readout):
 
     def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Corrected:
         """See :meth:`hdc.readouts.base.Readout.fit`; takes 16·L·D bytes of memory."""
-        is_empty = torch.bincount(rows, minlength=n_classes) == 0
         everyone = torch.nn.functional.one_hot(rows, n_classes)
         counters = combinations(everyone, words.packed).double()
-        state = _binarised(counters, words, is_empty)
+        state = _binarised(counters, words)
         for number in range(1, self.passes + 1):
             votes = self._corrections(state, words, rows)
             if not votes.any():
@@ -68,7 +67,7 @@ class Trained(Readout):
             wrong = votes.any(1)
             step = combinations(votes[wrong], words[wrong].packed).double()
             counters += step / number
-            state = _binarised(counters, words, is_empty)
+            state = _binarised(counters, words)
         return state
 
     def _corrections(
@@ -87,15 +86,13 @@ class Trained(Readout):
         return votes
 
     def scores(self, state: Corrected, words: Hypervectors) -> Tensor:
-        """Minus the Hamming distances, int64 [Q, L]; very low for a class without frames."""
-        scores = -bits.hamming(words.packed, state.prototypes)
-        if state.empty.any():
-            scores[:, state.empty.to(scores.device) != 0] = 1 - _FAR
-        return scores
+        """Minus the Hamming distances, int64 [Q, L]."""
+        return -bits.hamming(words.packed, state.prototypes)
 
 
-def _binarised(counters: Tensor, words: Hypervectors, is_empty: Tensor) -> Corrected:
+def _binarised(counters: Tensor, words: Hypervectors) -> Corrected:
     """The state with the signs of counters [L, 64·W] as prototypes."""
     signs = counters[:, : words.dimension] > 0
     packed = bits.pack(signs).to(words.packed.device)
-    return Corrected(prototypes=packed, empty=is_empty.long())
+    none = torch.zeros(len(packed), dtype=torch.int64)
+    return Corrected(prototypes=packed, empty=none)
