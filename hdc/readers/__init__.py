@@ -23,8 +23,7 @@ from hdc.readers.files import (
     missing,
     wrong,
 )
-from hdc.readers.recording import Recording
-from hdc.readers.settings import Asked, Window
+from hdc.readers.recording import Asked, Recording, Window
 
 __all__ = [
     "Ambiguous",
@@ -57,7 +56,6 @@ _SETTINGS = {
     "template": (FOLDER, ARRAYS),
     "table": (FOLDER, ARRAY, VIDEO),
     "axes": (ARRAY, ARRAYS, FOLDER),
-    "labels": (ARRAY, ARRAYS, FOLDER),
 }
 """Settings that only some kinds of recordings have."""
 
@@ -92,7 +90,7 @@ def open_recording(
         memory_bytes: with ``check``, images and frames of a video are kept in memory if all fit in
             this size, else decoded again when asked for.
         axes: of an array, such as ``("height", "width", "frame")``.
-        labels: name of the array of labels.
+        labels: name of the array, or the column, of labels.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``;
             or of a file of arrays or a video, such as ``{session}/{label}_{group}.avi``; or of an
             array in a file that has one per trial, such as ``{label}_{group}/frames``.
@@ -122,7 +120,7 @@ def open_recording(
         window or Window(crop, subsample),
         labels=labels,
         table=None if table is None else Path(table).expanduser(),
-        values=value_columns if table is None or value_columns else None,
+        values=value_columns,
         sessions=sessions,
         groups=groups,
         fewest_classes=fewest_classes,

@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.files import SHOWN, SettingError, wrong
-from hdc.readers.settings import Asked
+from hdc.readers.files import SettingError, wrong
 from hdc.readers.table import Rows, parse_number, read_csv
 
 KNOWN = ("order", "session", "group")
@@ -64,7 +63,7 @@ class Columns:
         place: of a row, for errors.
         columns: numbers or text [N] by name; that of labels is text.
         units: of numbers, by name.
-        learnt: names that are learnt where none is named; None means all numbers.
+        learnt: names that are learnt where none is asked for; None means all numbers.
     """
 
     where: object
@@ -98,58 +97,54 @@ class Columns:
             self, n=len(rows), place=lambda i: self.place(int(rows[i])), columns=kept
         )
 
-    def known_as(self, asked: Asked) -> Columns:
-        """These, of which those that are asked for are ``session`` and ``group``.
+    def known_as(self, **wanted: str | None) -> Columns:
+        """These, of which those that are wanted are ``label``, ``session`` and ``group``.
 
         Raises:
             SettingError: there is no such column.
         """
         columns = dict(self.columns)
-        for known, name in (("session", asked.sessions), ("group", asked.groups)):
+        for known, name in wanted.items():
             if name is not None and name not in self.columns:
-                raise wrong(f"{known}s", name, f"one of {', '.join(self.columns)}")
+                names = ", ".join(self.columns) or "no array"
+                raise wrong(
+                    f"{known}s", name, f"one of {names} (--values names a table)"
+                )
             if name is not None:
                 columns.pop(name, None)
                 columns[known] = self.columns[name]
         return replace(self, columns=columns)
 
-    def about(self, value_columns: Sequence[str] | None, fewest_classes: int) -> About:
+    def about(self, values: Sequence[str], fewest_classes: int) -> About:
         """The labels, values and samples that the columns are.
 
         Args:
-            value_columns: names of the columns to learn; where it is None, or where it is empty
-                and there are no labels, the columns in :attr:`learnt`.
+            values: names of the columns to learn; by default the columns in :attr:`learnt`.
             fewest_classes: fewer are refused; with 0 neither labels nor values are needed.
 
         Raises:
             ValueError: there is nothing to learn, or a column is not as it has to be.
         """
-        samples, names = self._samples(), self._learnt(value_columns)
-        values = self.values(names)
-        units = tuple(self.units.get(name, "") for name in names)
+        names = values or (self.numeric() if self.learnt is None else self.learnt)
+        samples, units = self._samples(), [self.units.get(name, "") for name in names]
+        classes: tuple[str, ...] = ()
+        labels = None
         if "label" in self.columns:
-            stated = normalised(self.columns["label"])
-            classes, labels = self._classes(stated, samples, fewest_classes)
-            return About(samples, classes, labels, values, tuple(names), units)
-        if fewest_classes > 0 and values is None:
+            classes, labels = self._classes(samples, fewest_classes)
+        elif fewest_classes > 0 and not names:
             raise ValueError(
                 f"{self.where}: expected a label of each frame, or numbers to learn, found "
                 f"{', '.join(self.columns) or 'neither'} (--labels or --column names them)"
             )
-        return About(samples, (), None, values, tuple(names), units)
-
-    def _learnt(self, value_columns: Sequence[str] | None) -> Sequence[str]:
-        """Names of the columns that are learnt; see :meth:`about`."""
-        has_labels = "label" in self.columns
-        if value_columns or (has_labels and value_columns is not None):
-            return value_columns
-        return self.numeric() if self.learnt is None else self.learnt
+        numbers = self.values(names)
+        return About(samples, classes, labels, numbers, tuple(names), tuple(units))
 
     def _classes(
-        self, names: list[str], samples: dict[str, np.ndarray], fewest: int
+        self, samples: dict[str, np.ndarray], fewest: int
     ) -> tuple[tuple[str, ...], np.ndarray]:
         """Names of the classes, by a column class_index or in natural order; and the index of each
         label [N]."""
+        names = self._names()
         if "" in names:
             found = f"none of frame {names.index('')}"
             raise ValueError(
@@ -170,6 +165,19 @@ class Columns:
                 f"{self.where}: expected two classes or more, found only {found!r}"
             )
         return tuple(classes), _places(names, classes)
+
+    def _names(self) -> list[str]:
+        """Name of the class of each frame [N]."""
+        labels = self.columns["label"]
+        # MATLAB's numbers are floats, which tell whole numbers below 2**53 apart.
+        if labels.dtype.kind == "f" and (np.abs(labels) < 2**53).all():
+            whole = labels.astype(np.int64)
+            labels = whole if np.array_equal(whole, labels) else labels
+        if labels.shape != (self.n,) or labels.dtype.kind not in "iuU":
+            wanted = f"labels that are integers or strings ({self.n},)"
+            found = f"{labels.dtype} {labels.shape}"
+            raise ValueError(f"{self.where}: expected {wanted}, found {found}")
+        return normalised(labels)
 
     def _samples(self) -> dict[str, np.ndarray]:
         """All columns, and an order; sessions and groups of other names than numbers by rank.
@@ -230,7 +238,8 @@ class Columns:
         if not all(fits):
             first = fits.index(False)
             found = f"expected a number in {name}, found {column.tolist()[first]!r}"
-            raise ValueError(f"{self.place(first)}: {found}")
+            hint = "--labels names the labels, --column what is learnt"
+            raise ValueError(f"{self.place(first)}: {found} ({hint})")
         return column.astype(float)
 
     def values(self, names: Sequence[str]) -> np.ndarray | None:
@@ -270,6 +279,11 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
 
 
+def path_key(file: str) -> list[tuple[tuple[int, int, str], ...]]:
+    """Sort key of paths, part by part."""
+    return [*map(natural_key, file.split("/"))]
+
+
 def grouped(about: About, parts: np.ndarray) -> tuple[About, list[str]]:
     """Frames whose `parts` [N], such as files, are groups, or the groups in each part; and a note.
 
@@ -287,8 +301,7 @@ def grouped(about: About, parts: np.ndarray) -> tuple[About, list[str]]:
     if not alone.all():
         apart = parts.max() + 1 + np.arange(len(parts))
         samples["group"] = np.where(alone, apart, parts)
-        names = [about.classes[c] for c in np.unique(labels[alone])]
-        found = ", ".join(names[:SHOWN])
+        found = ", ".join(about.classes[c] for c in np.unique(labels[alone]))
     note = f"{found}: recorded once, so its frames are split"
     return replace(about, samples=samples), [note] if alone.any() else []
 
@@ -301,12 +314,10 @@ def _places(names: Sequence[str], different: Sequence[str]) -> np.ndarray:
 
 def typed(texts: Sequence[str]) -> np.ndarray:
     """Integers if all are, else finite numbers if all are, else text."""
-    if all(_INTEGER.fullmatch(text) for text in texts):
-        whole = [int(text) for text in texts]
+    if all(map(_INTEGER.fullmatch, texts)):
+        whole = np.array([*map(int, texts)])
         # Larger ones than 64 bits hold would be floats, of which many are equal.
-        if all(-(2**63) <= number < 2**63 for number in whole):
-            return np.array(whole, dtype=np.int64)
-        return np.array(texts)
+        return whole if whole.dtype == np.int64 else np.array(texts)
     numbers = [parse_number(text) for text in texts]
     return np.array(texts if None in numbers else numbers)
 

@@ -13,8 +13,7 @@ from hdc.readers.about import Columns
 from hdc.readers.axes import Frames, reading
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, file_digest
 from hdc.readers.known import beside, check_learnt, columns_of, count
-from hdc.readers.recording import Recording
-from hdc.readers.settings import Asked
+from hdc.readers.recording import Asked, Recording
 from hdc.readers.store import Store
 from hdc.readers.stores import load
 from hdc.readers.table import columns_in
@@ -39,8 +38,7 @@ def open_frames(path: Path, asked: Asked) -> Recording:
     columns, notes = _table(path, arrays, asked)
     axes = asked.axes or store.axes.get(name)
     if axes is None:
-        values = asked.values or ()
-        n_rows = columns.n if columns else count(arrays, values, array.shape)
+        n_rows = columns.n if columns else count(arrays, asked, array.shape)
         axes = reading(f"{path}[{name}]", array, n_rows, store.frames_last)
     where = f"{path}:/{asked.dataset}" if asked.dataset else f"{path}"
 
@@ -50,9 +48,9 @@ def open_frames(path: Path, asked: Asked) -> Recording:
     frames = Frames(place, array, axes, asked.window)
     n = frames.n
     if columns is None:
-        columns = columns_of(path, arrays, n)
-        if asked.fewest_classes > 0 and not asked.values:
-            check_learnt(path, store, columns, array.shape)
+        columns = columns_of(path, arrays, n, asked)
+        if asked.fewest_classes > 0 and not (asked.values or asked.labels):
+            check_learnt(path, arrays, columns, array.shape)
     else:
         _check_rows(columns, n)
     as_read = f"{path.name}[{name}] {tuple(array.shape)} as {', '.join(axes)}"
@@ -61,7 +59,6 @@ def open_frames(path: Path, asked: Asked) -> Recording:
         frames,
         asked,
         lambda: repr((file_digest(path), asked.dataset, tuple(axes))),
-        values=asked.values,
         notes=(as_read, *store.notes(), *notes),
         image_shape=frames.size,
     )
@@ -77,9 +74,11 @@ def _table(
     table = path.with_suffix(".csv")
     if "label" not in columns_in(table):
         return None, []
-    if "label" in arrays or "values" in arrays:
+    if {"label", asked.labels, "values"} & arrays.keys():
         return None, [f"labels and values of the file, not of {table.name}"]
-    return Columns.read(table), [f"labels of {table.name}"]
+    columns = Columns.read(table)
+    columns.learnt = ()
+    return columns, [f"labels of {table.name}"]
 
 
 def _check_rows(columns: Columns, n: int) -> None:

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from hdc.readers.files import Ambiguous, SettingError, wrong
-from hdc.readers.recording import check_finite
-from hdc.readers.settings import Window
+from hdc.readers.recording import Window, check_finite
 
 INSIDE = ("height", "width", "channel", "feature")
 """Axes of one frame; channels are grey, or red, green and blue."""

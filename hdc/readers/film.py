@@ -19,8 +19,7 @@ from av.sidedata.sidedata import Type
 
 from hdc.readers.files import BadFrame, check_file
 from hdc.readers.images import grey
-from hdc.readers.recording import in_any_order
-from hdc.readers.settings import Window
+from hdc.readers.recording import Window, in_any_order
 
 
 class Film:
@@ -39,14 +38,13 @@ class Film:
         self.shape: tuple[int, ...] = ()
         self.dtype = np.dtype(np.uint8)
 
-    def read(self) -> np.ndarray:
-        """Choose all frames; their times [n] in s."""
+    def read(self) -> None:
+        """Choose all frames, which are decoded."""
         times = []
         for time, frame in stream_video(self.path, self._window):
             self.shape, self.dtype = frame.shape, frame.dtype
             times.append(time)
         self.numbers, self.times = np.arange(len(times)), np.array(times)
-        return self.times
 
     def expect(self) -> None:
         """Choose all frames that the header states, or as many as there are; none is decoded but

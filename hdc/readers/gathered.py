@@ -19,8 +19,7 @@ from hdc.readers import ARRAY, arrays, kind_of
 from hdc.readers.about import Columns
 from hdc.readers.axes import readings
 from hdc.readers.files import Ambiguous, BadFrame, wrong
-from hdc.readers.recording import Recording, in_any_order
-from hdc.readers.settings import Asked
+from hdc.readers.recording import Asked, Recording, in_any_order
 from hdc.readers.stores import load
 from hdc.readers.table import Rows
 from hdc.readers.template import Template
@@ -122,7 +121,6 @@ def _joined(
         frames,
         asked,
         lambda: repr([part.digest() for part in parts]),
-        values=asked.values or (),
         parts=None if has_groups else frames.file,
         notes=(f"{len(parts)} {kind}", *notes, *parts[0].notes),
         image_shape=parts[0].image_shape,
@@ -153,7 +151,7 @@ def _columns(
     for name in sorted(common - said - {"order"}):
         found = [own.columns[name] for own in files]
         columns.columns[name] = np.concatenate(found)
-    of_files = () if "label" in said else files[0].learnt
-    columns.learnt = ("value",) if "value" in said else of_files
+    if "value" not in said:
+        columns.learnt = () if "label" in said else files[0].learnt
     both = "labels of the names of the files, not those in them"
     return columns, [both] if "label" in common & said else []

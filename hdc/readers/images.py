@@ -17,8 +17,7 @@ import cv2
 import numpy as np
 
 from hdc.readers.files import BadFrame, SettingError
-from hdc.readers.recording import check_finite
-from hdc.readers.settings import Window
+from hdc.readers.recording import Window, check_finite
 
 S = TypeVar("S")
 T = TypeVar("T")

@@ -10,14 +10,12 @@ import hashlib
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
-from typing import Any
 
 from hdc.readers import ARRAY, VIDEO, kind_of
-from hdc.readers.about import Columns, natural_key
+from hdc.readers.about import Columns, path_key
 from hdc.readers.files import Ambiguous, wrong
-from hdc.readers.recording import Recording
-from hdc.readers.settings import Asked
-from hdc.readers.table import Rows, read_csv
+from hdc.readers.recording import Asked, Recording
+from hdc.readers.table import Rows, columns_in, read_csv
 from hdc.readers.template import Template, suggested
 
 MANIFEST = "manifest.csv"
@@ -42,8 +40,8 @@ def open_frames(root: Path, asked: Asked) -> Recording:
     rows = _said(named, _reader(root, files, asked))
     images = [row for row in rows if is_image(row[1]["file"])]
     if images:
-        values, others = asked.values or None, _others(files, images)
-        return _of_images(root, images, asked, values=values, other_files=others)
+        columns = Columns.of_rows(root, images)
+        return _of_images(root, columns, _others(files, images), asked)
     recorded = [row for row in rows if _is_recorded(root / row[1]["file"])]
     if asked.template is None or not recorded:
         raise _unread(root, files, asked)
@@ -67,24 +65,35 @@ def _unread(root: Path, files: Sequence[str], asked: Asked) -> ValueError:
 
 
 def _of_images(
-    root: Path, rows: Rows, asked: Asked, where: Path | None = None, **settings: Any
+    root: Path,
+    columns: Columns,
+    others: tuple[str, ...],
+    asked: Asked,
+    notes: Sequence[str] = (),
 ) -> Recording:
-    """The images in rows of a folder; ``where`` names a table."""
+    """The images of a folder, of which a column is the ``file``."""
     from hdc.readers.images import Images  # OpenCV
 
-    if asked.axes or asked.labels:
-        name, found = ("axes", asked.axes) if asked.axes else ("labels", asked.labels)
-        raise wrong(name, found, f"null unless {root} is a folder of arrays or videos")
-    columns = Columns.of_rows(where or root, rows)
-    files = [root / row["file"] for _, row in rows]
+    if asked.axes:
+        wanted = f"null unless {root} is a folder of arrays or videos"
+        raise wrong("axes", asked.axes, wanted)
+    files = [root / name for name in columns.columns["file"].tolist()]
     images = Images(files, asked.window)
 
     def digest() -> str:
         contents = (hashlib.sha256(file.read_bytes()).digest() for file in files)
         return hashlib.sha256(b"".join(contents)).hexdigest()
 
-    settings |= {"image_shape": images.size, "is_decoded": True}
-    return Recording.of(columns, images, asked, digest, **settings)
+    return Recording.of(
+        columns,
+        images,
+        asked,
+        digest,
+        notes=notes,
+        other_files=others,
+        image_shape=images.size,
+        is_decoded=True,
+    )
 
 
 # Tables ------------------------------------------------------------------------------------------
@@ -104,34 +113,23 @@ def _of_table(root: Path, table: Path, asked: Asked) -> Recording:
     Raises:
         ValueError: an image is missing, or there twice.
     """
-    values = asked.values
+    column, labels = asked.image_column, []
     if asked.table is None:
-        values = values or ()
-        rows = _table_rows(table, "file", ("file", "label", *values))
-    else:
-        rows = _table_rows(table, asked.image_column, values or ())
+        column, labels = "file", ["label"]
+    elif (found := columns_in(table)) and column not in found:
+        wanted = f"one of {', '.join(found)} ({table}; --image-column names it)"
+        raise wrong("image_column", column, wanted)
+    rows = read_csv(table, (column, *labels, *asked.values))
+    for _, row in rows:
+        row["file"] = PurePosixPath(row.pop(column)).as_posix()
     names = [row["file"] for _, row in rows]
     if asked.template is not None:
         rows = _said(rows, Template(asked.template).read)
     others, notes = _others(names, rows), _locate(root, table, rows)
-    settings = {"values": values, "other_files": others, "notes": notes}
-    return _of_images(root, rows, asked, table, **settings)
-
-
-def _table_rows(table: Path, column: str, required: Sequence[str]) -> Rows:
-    """Rows of a table, of which the `column` that names images is the ``file``."""
-    rows = read_csv(table, required)
-    for place, row in rows:
-        if column not in row:
-            raise ValueError(
-                f"{table}: expected different columns, with {column}, found {[*row]} "
-                "(--image-column names the column of images)"
-            )
-        name = row.pop(column)
-        if not name:
-            raise ValueError(f"{place}: expected a {column}, found none")
-        row["file"] = PurePosixPath(name).as_posix()
-    return rows
+    columns = Columns.of_rows(table, rows)
+    if asked.table is None:
+        columns.learnt = ()
+    return _of_images(root, columns, others, asked, notes)
 
 
 def _locate(root: Path, table: Path, rows: Rows) -> list[str]:
@@ -241,7 +239,7 @@ def all_files(root: Path) -> list[str]:
                 )
         shown = (Path(parent, name) for name in names if not name.startswith("."))
         files += [file.relative_to(root).as_posix() for file in shown]
-    return sorted(files, key=lambda file: [*map(natural_key, file.split("/"))])
+    return sorted(files, key=path_key)
 
 
 def _raise(error: OSError) -> None:

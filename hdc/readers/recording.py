@@ -1,4 +1,4 @@
-"""An opened recording: its labels, values and frames, whatever kind of file they come from."""
+"""A recording: the settings that open it, its labels, values and frames, of any kind of file."""
 
 from __future__ import annotations
 
@@ -11,15 +11,93 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import islice
-from typing import Any, Self, TypeVar
+from pathlib import Path
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
 from hdc.readers.about import About, Columns, grouped
-from hdc.readers.files import BadFrame
-from hdc.readers.settings import Asked, Window
+from hdc.readers.files import BadFrame, SettingError, wrong
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Window:
+    """Pixels of an image that are kept: a crop (x, y, width, height), then every n-th of it.
+
+    A frame that is a vector [D] has no crop; every n-th of its numbers is kept. With an `image`
+    (H, W), images of another size are refused.
+    """
+
+    crop: Sequence[int] | None = None
+    subsample: int = 1
+    image: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.crop is not None:
+            crop = tuple(self.crop)
+            whole = all(isinstance(n, int | np.integer) for n in crop)
+            if len(crop) != 4 or not whole or min(crop) < 0 or min(crop[2:]) < 1:
+                expected = "null or [x, y, width, height], integers ≥ 0 and sizes ≥ 1"
+                raise wrong("crop", self.crop, expected)
+            object.__setattr__(self, "crop", crop)
+        if not isinstance(self.subsample, int | np.integer) or self.subsample < 1:
+            raise wrong("subsample", self.subsample, "an integer ≥ 1")
+
+    def shape(self, *sides: int) -> tuple[int, ...]:
+        """(H, W) that is kept of an image [height, width], or (D,) of a vector.
+
+        Raises:
+            SettingError: the crop does not lie inside it, or is of images of another size.
+        """
+        return self.of(np.broadcast_to(np.uint8(0), sides)).shape
+
+    def of(self, image: np.ndarray) -> np.ndarray:
+        """A view [H, W], [H, W, channels] or [D] of the pixels that are kept; raises as above."""
+        step = self.subsample
+        if image.ndim == 1:
+            if self.crop is not None:
+                raise wrong("crop", self.crop, "null for frames that are vectors")
+            return image[::step]
+        height, width = image.shape[:2]
+        if self.image is not None and self.image != (height, width):
+            wanted = f"images {self.image[1]} px wide and {self.image[0]} px high as in training"
+            raise SettingError(f"crop: expected {wanted}, found {width} × {height}")
+        x, y, w, h = self.crop or (0, 0, width, height)
+        if x + w > width or y + h > height:
+            wanted = f"a window inside frames {width} px wide and {height} px high"
+            raise wrong("crop", [x, y, w, h], wanted)
+        return image[y : y + h : step, x : x + w : step]
+
+
+class Asked(NamedTuple):
+    """Settings of a recording, as every reader takes them; see :func:`hdc.readers.open_recording`.
+
+    Attributes:
+        window: pixels that are kept.
+        table: a CSV.
+        values: names of the columns or arrays that are values.
+        labels, sessions, groups: names of the columns or arrays that are these.
+        dataset: name of the array of frames; "" where the file has one that can be.
+    """
+
+    window: Window
+    labels: str | None = None
+    table: Path | None = None
+    values: Sequence[str] = ()
+    sessions: str | None = None
+    groups: str | None = None
+    fewest_classes: int = 2
+    axes: Sequence[str] | None = None
+    dataset: str = ""
+    template: str | None = None
+    image_column: str = "image"
+
+    def of_part(self, dataset: str = "") -> Asked:
+        """The same of one of several files or arrays, which may have neither labels nor values."""
+        own = self._replace(template=None, sessions=None, groups=None, values=())
+        return own._replace(fewest_classes=0, dataset=dataset)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +140,6 @@ class Recording(About):
         asked: Asked,
         digest: Callable[[], str],
         *,
-        values: Sequence[str] | None = (),
         parts: np.ndarray | None = None,
         notes: Sequence[str] = (),
         **settings: Any,
@@ -72,14 +149,16 @@ class Recording(About):
         Args:
             columns: of the frames.
             frames: have ``shape``, ``dtype``, ``each`` and ``place``.
-            asked: names sessions and groups, and how many classes there have to be.
+            asked: names labels, values, sessions and groups, and how many classes there have to be.
             digest: see the class.
-            values: what is learnt; see :meth:`hdc.readers.about.Columns.about`, which may raise.
             parts: the file or the interval of each frame [N], where frames of one belong together.
             notes: how the file was read.
             settings: other attributes.
         """
-        about = columns.known_as(asked).about(values, asked.fewest_classes)
+        known = columns.known_as(
+            label=asked.labels, session=asked.sessions, group=asked.groups
+        )
+        about = known.about(asked.values, asked.fewest_classes)
         if parts is not None:
             about, split = grouped(about, parts)
             notes = (*notes, *split)

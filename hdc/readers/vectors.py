@@ -18,8 +18,7 @@ import numpy as np
 from hdc.readers.about import KNOWN, Columns, is_unnamed
 from hdc.readers.axes import Frames
 from hdc.readers.files import file_digest
-from hdc.readers.recording import Recording
-from hdc.readers.settings import Asked
+from hdc.readers.recording import Asked, Recording
 from hdc.readers.table import parse_number
 
 _DIGITS = re.compile(r"\d+(?:\.\d+)?")
@@ -36,11 +35,10 @@ def open_frames(path: Path, asked: Asked) -> Recording:
     Raises:
         ValueError: the table is not as described; a cell that is no number is named.
     """
-    values = asked.values or ()
-    columns = Columns.read(path, values if asked.fewest_classes > 0 else ())
+    columns = Columns.read(path, asked.values if asked.fewest_classes > 0 else ())
     names = [*columns.columns]
     _check_header(path, names)
-    known = {"label", *KNOWN, *values, asked.sessions, asked.groups}
+    known = {"label", *KNOWN, *asked.values, asked.labels, asked.sessions, asked.groups}
     numbers = [name for name in names if name not in known]
     vectors = columns.values(numbers)
     if vectors is None:
@@ -48,14 +46,14 @@ def open_frames(path: Path, asked: Asked) -> Recording:
     said = {name: columns.columns[name] for name in names if name in known}
     odd = unlike(numbers, vectors)
     notes = [f"{', '.join(odd)}: a pixel unlike the others, {_REMEDY}"] if odd else []
+    values = [name for name in asked.values if name in said]
     return Recording.of(
-        replace(columns, columns=said),
+        replace(columns, columns=said, learnt=()),
         Frames(columns.place, vectors, ("frame", "feature"), asked.window),
-        asked,
+        asked._replace(values=values),
         lambda: file_digest(path),
         features=tuple(numbers[:: asked.window.subsample]),
         notes=notes,
-        values=[name for name in values if name in said],
     )
 
 

@@ -16,8 +16,7 @@ import numpy as np
 from hdc.readers.about import Columns
 from hdc.readers.files import file_digest
 from hdc.readers.film import Film
-from hdc.readers.recording import Recording
-from hdc.readers.settings import Asked
+from hdc.readers.recording import Asked, Recording
 from hdc.readers.table import columns_in
 
 EARLY_S = 5.1e-4
@@ -58,7 +57,6 @@ def open_frames(path: Path, asked: Asked) -> Recording:
         film,
         asked,
         digest,
-        values=asked.values if is_of_frames else (),
         parts=None if has_groups else rows[numbers],
         is_decoded=True,
     )
@@ -69,11 +67,16 @@ def _read(
 ) -> tuple[Columns, np.ndarray]:
     """The columns of a table, and the row of each frame of a film; -1 of those without a row."""
     if "frame" in names:
-        columns = Columns.read(table, ("frame", *(asked.values or ())))
-        return columns, _rows_by_number(columns, len(film.read()))
+        columns = Columns.read(table, ("frame", *asked.values))
+        if asked.table is None and "label" in names:
+            columns.learnt = ()
+        film.read()
+        return columns, _rows_by_number(columns, len(film.times))
     if "start_s" in names:
         columns = Columns.read(table, ("start_s", "end_s", "label"))
-        return columns, _rows_by_time(columns, film.read())
+        columns.learnt = ()
+        film.read()
+        return columns, _rows_by_time(columns, film.times)
     wanted = "a table with start_s, end_s and label, or with a row per frame"
     found = ", ".join(names) or "none"
     raise ValueError(f"{table}: expected {wanted}, found {found} (--values names it)")

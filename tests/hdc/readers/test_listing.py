@@ -147,6 +147,7 @@ def test_a_manifest_says_what_belongs_to_the_recording(folder, pixels):
         ("manifest", "file,label,session|a/1.png,x,1|b/1.png,y,", "3: expected the session of"),
         ("manifest", "file,label,class_index|a/1.png,x,1|b/1.png,x,2", "one class_index per"),
         ("t", "image,x", ": expected a row per frame, found none$"),
+        ("t", "path,x|a/1.png,1", "; --image-column names it.*, found 'image'"),
         ("t", "image,x|,1", ", line 2: expected a image, found none"),
         ("t", "image,x|e/1.png,1|e/2.png,2", ": .* 2 of 2 are missing, the first e/1.png$"),
     ],

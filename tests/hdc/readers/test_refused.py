@@ -53,7 +53,7 @@ HOLE = np.where(np.arange(N) == 2, np.nan, 1.0)
         ({"frames": FRAMES > 9}, r"\[frames\]: expected frames of integers or floats, found bool"),
         ({"frames": FRAMES / HOLE[:, None, None]}, ", frame 2: expected finite numbers"),
         ({"labels": TEXTS[:3]}, r"\[frames\]: expected shape .* N = 3, as there are"),
-        ({"labels": LABELS / 4}, r"\[labels\]: .* found float64"),
+        ({"labels": LABELS / 4}, r": expected labels that are integers .* found float64"),
         ({"labels": ["a"] * N}, ": expected two classes or more, found only 'a'"),
         ({"labels": LABELS, "classes": ["a", "bb"]}, r"\[classes\]: .* classes\[labels\]"),
         ({"order": LABELS.astype("M8[s]")}, "4 numbers in the column order, .*datetime64"),
@@ -61,7 +61,7 @@ HOLE = np.where(np.arange(N) == 2, np.nan, 1.0)
         ({"session": HOLE}, ", frame 2: expected a number in session, found nan"),
         ({"labels": None, "values": np.zeros((3, 2))}, r"N = 3, as there are labels or"),
         ({"labels": None, "values": np.zeros((N, 2, 1))}, r"values\]: expected shape \(4, k"),
-        ({"values": np.zeros((N, 2)), "value_names": ["x"]}, "expected a name and a unit"),
+        ({"values": np.zeros((N, 2)), "value_names": ["x"]}, "k different names and k units"),
     ],
 )  # fmt: skip
 def test_arrays_that_would_be_learnt_wrongly_are_refused(tmp_path, changed, message):
