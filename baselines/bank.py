@@ -1,4 +1,4 @@
-"""A bank of 8- or 16-bit frames, with exact inner products of all pairs.
+"""A bank of 8- or 16-bit frames: their hypervectors, and exact inner products of all pairs.
 
 The weights that minimise any loss with an L2 penalty are combinations of the training frames,
 W = Aᵀ·X (representer theorem), so the products alone carry such a problem: they are computed once
@@ -8,6 +8,7 @@ for all subsets of the frames.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,19 +16,22 @@ import numpy as np
 import torch
 from torch import Tensor
 
-import hdc.bank
 from baselines import products
 from baselines.base import FRAME_TYPES
 from baselines.products import Moments
 from baselines.smoothing import smoothed
+from hdc import inputs
+from hdc.encoders import Encoder
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_choice
 
+_BATCH = 64  # frames that something is made of at a time
 KERNELS = ("unit", "raw", "standardised")
 """Scalings of pixels (baselines.pixels) whose products follow from products of grey values."""
 
 
-class Bank(hdc.bank.Bank):
-    """Frames, their labels, hypervectors and inner products.
+class Bank:
+    """Frames, their labels, hypervectors and inner products; subsets of them train models.
 
     Args:
         frames: uint8 or uint16 [N, H, W] or [N, D].
@@ -49,14 +53,77 @@ class Bank(hdc.bank.Bank):
     ) -> None:
         if frames.dtype not in FRAME_TYPES:
             raise ValueError(f"frames: expected uint8 or uint16, found {frames.dtype}")
-        super().__init__(frames, labels, n_classes)
+        self.frames = frames
+        self.labels = inputs.label_array(labels, len(frames))
+        self.n_classes = n_classes
         self.groups = groups
+        self.dimension = frames[0].numel()
         self.white = FRAME_TYPES[frames.dtype]
         self._smoothed: dict[int, Bank] = {}
+        self._made: dict[Hashable, Tensor] = {}
+        self._learned: dict[Hashable, tuple[bytes, Encoder, dict[bytes, Tensor]]] = {}
+
+    def __len__(self) -> int:
+        return len(self.frames)
 
     def groups_of(self, rows: np.ndarray) -> np.ndarray | None:
         """Groups [n] of some of the frames."""
         return None if self.groups is None else self.groups[rows]
+
+    def each(
+        self, make: Callable[[Tensor], Tensor], key: Hashable | None = None
+    ) -> Tensor:
+        """Results of a function for all frames, computed once.
+
+        Args:
+            make: function of frames [n, H, W] → [n, …] that treats each frame by itself.
+            key: key of the cached result; by default the function itself.
+        """
+        key = make if key is None else key
+        if key not in self._made:
+            parts = [make(part) for part in self.frames.split(_BATCH)]
+            self._made[key] = torch.cat(parts)
+        return self._made[key]
+
+    def words(
+        self, rows: np.ndarray, encoder: Encoder, train: np.ndarray
+    ) -> Hypervectors:
+        """Hypervectors of some frames.
+
+        An encoder that learns nothing encodes each frame once. An encoder that learns keeps the
+        hypervectors of its last training frames.
+
+        Args:
+            rows: indices of the frames.
+            encoder: untrained.
+            train: indices of the training frames, for an encoder that learns.
+        """
+        chosen = torch.from_numpy(np.asarray(rows, np.int64))
+        # The text of an array does not identify it.
+        named = repr(encoder)
+        key: Hashable = encoder if "<" in named else (type(encoder), named)
+        if encoder.learns:
+            encoder, made = self._of_training(encoder, np.asarray(train, np.int64), key)
+            of_rows = chosen.numpy().tobytes()
+            if of_rows not in made:
+                parts = [self.frames[part] for part in chosen.split(_BATCH)]
+                made[of_rows] = torch.cat([encoder.encode(part) for part in parts])
+            packed = made[of_rows]
+        else:
+            packed = self.each(encoder.encode, key)[chosen]
+        dimension = encoder.dimension(self.dimension)
+        return Hypervectors(packed, dimension, encoder, tuple(self.frames.shape[1:]))
+
+    def _of_training(
+        self, encoder: Encoder, train: np.ndarray, key: Hashable
+    ) -> tuple[Encoder, dict[bytes, Tensor]]:
+        """The encoder that these frames train, and its words by rows, until others train it."""
+        of_training = train.tobytes()
+        kept = self._learned.get(key)
+        if kept is None or kept[0] != of_training:
+            learned = encoder.unlearned().fit(self.frames[torch.from_numpy(train)])
+            kept = self._learned[key] = of_training, learned, {}
+        return kept[1:]
 
     def smoothed(self, deviation: int) -> Bank:
         """The bank of the smoothed frames (:mod:`.smoothing`), made once; this bank for 0."""

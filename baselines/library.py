@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
-import hdc.bank
+from baselines.bank import Bank
 from hdc import HDCClassifier, backends
 from hdc.hypervectors import CHUNK, Encoding, Hypervectors, joined
 from hdc.inputs import FrameSource
@@ -59,7 +59,7 @@ def _train(
 
 
 def predict_from(
-    model: Any, bank: hdc.bank.Bank, train: np.ndarray, queries: np.ndarray
+    model: Any, bank: Bank, train: np.ndarray, queries: np.ndarray
 ) -> np.ndarray:
     """Labels [Q] of frames of a bank by a model like this one, trained on others of them.
 
@@ -72,16 +72,14 @@ def predict_from(
     return trained.predict(words_of(model, bank, queries, train))
 
 
-def trained_on(
-    model: HDCClassifier, bank: hdc.bank.Bank, train: np.ndarray
-) -> HDCClassifier:
+def trained_on(model: HDCClassifier, bank: Bank, train: np.ndarray) -> HDCClassifier:
     """A model like this one, trained on frames of a bank."""
     trained = HDCClassifier(**model.get_params(deep=False))
     return trained.fit(words_of(model, bank, train, train), bank.labels[train])
 
 
 def words_of(
-    model: HDCClassifier, bank: hdc.bank.Bank, rows: np.ndarray, train: np.ndarray
+    model: HDCClassifier, bank: Bank, rows: np.ndarray, train: np.ndarray
 ) -> Hypervectors:
     """Hypervectors of frames of a bank by the encoder of a model that is trained on others."""
     n_pixels = len(rows) * bank.dimension

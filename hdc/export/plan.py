@@ -40,7 +40,7 @@ class Plan:
             lit [W]), and numbers [L], [T] or [D].
         alpha: share of frames of known classes that may be refused; None without rejection.
         farthest: the largest distance at which a frame is known.
-        left_out: what was left out to find it, of :data:`hdc.rejection.UNITS`.
+        left_out: what was left out to find it: ``"frame"`` or ``"group"``.
     """
 
     name: str

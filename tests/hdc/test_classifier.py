@@ -105,6 +105,21 @@ def test_given_classes_are_known_and_never_predicted_without_samples(readout):
     assert model.counts_.tolist() == [20, 20, 20, 0]
 
 
+def test_words_of_another_encoder_are_refused():
+    model = HDCClassifier("deviation").fit(FRAMES, LABELS)
+    others = {
+        "hypervectors: expected the encoder Dev": HDCClassifier("levels"),
+        "that learned from the same frames": HDCClassifier("deviation"),
+        "hypervectors: expected D = 910, found 130": HDCClassifier(),
+    }
+    for message, other in others.items():
+        words = other.fit(FRAMES[5:], LABELS[5:]).encode(FRAMES)
+        with pytest.raises(ValueError, match=message):
+            model.predict(words)
+    with pytest.raises(ValueError, match="hypervectors: expected the encoder Lev"):
+        HDCClassifier("levels").fit(model.encode(FRAMES), LABELS)
+
+
 def test_equal_distances_go_to_the_first_class():
     frames = np.array([[9, 0, 0, 9], [0, 9, 9, 0]], np.uint8)
     model = HDCClassifier().fit(frames, ["b", "a"])

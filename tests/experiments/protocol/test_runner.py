@@ -28,7 +28,7 @@ class Counting(Task, frozen=True):
     """Numbers up to one."""
 
     revision: ClassVar = 3
-    uses: ClassVar = ("hdc.bank",)
+    uses: ClassVar = ("hdc.bits",)
     timed: ClassVar = True
 
     scene: Mapping[str, Any] | None = None
