@@ -60,7 +60,9 @@ def test_no_test_sample_is_learnt_from(scene, choice):
         assert (session[samples] == of_session).all()
     assert time[choice.pool].max() < time[choice.new_test].min()
     one = replace(scene, samples={"order": time})
-    with pytest.raises(ValueError, match="scene: expected two or more sessions, found 1"):
+    with pytest.raises(
+        ValueError, match="scene: expected two or more sessions, found 1"
+    ):
         choose(one, SPLIT, 30, seed=0)
 
 

@@ -111,7 +111,7 @@ def answers(
         alpha: share of values that may lie outside the intervals.
     """
     train = np.arange(len(y))
-    products = bank.kernel(train, queries, "unit_centred")
+    products = bank.centred(train, queries)
     model = HDCRegressor(readout="ridge").fit(bank.at(train), y)
     answer, low, high = model.predict(bank.at(queries), True, alpha)
     inside = float(((low <= truth) & (truth <= high)).mean())
