@@ -260,7 +260,7 @@ STUDY = Study(
             "intervals over five or seven seeds; HDC with counts at N = 400 has one.",
             size=(3.4, 3.7),
         ),
-        *confusions.FIGURES,
+        confusions.FIGURE,
         Figure(
             "own_accuracy_vs_n",
             Table("own_accuracy_vs_n", own_accuracy_vs_n, of=RUNS),
