@@ -11,9 +11,9 @@ from typing import TypeVar
 
 import pandas as pd
 
-from experiments.records.results import EVERY_RUN, Results
+from experiments.records.results import EVERY_RUN, Results, own_frames
 from experiments.reporting import comparison
-from experiments.reporting.study import Figure, Study
+from experiments.reporting.study import Figure, Quantity, Study
 from experiments.reporting.table import Table, text_for
 from hdc.io import write_atomically
 
@@ -51,12 +51,7 @@ class Answers:
     @functools.cached_property
     def every_study(self) -> list[Study]:
         """The studies, and last the published numbers and ours, and every run of one's own."""
-        experiments = [
-            name
-            for study in self.studies
-            for numbers in study.numbers
-            for name in numbers.of
-        ]
+        experiments = [name for study in self.studies for name in study.numbers]
         tables = [comparison.table(self._compared, experiments)]
         if self.name == MINE:
             tables.append(RUNS_TABLE)
@@ -92,13 +87,19 @@ class Answers:
 
     def _compared(self, _: pd.DataFrame) -> pd.DataFrame:
         """Every published number that was measured, and ours."""
-        quantities = []
+        quantities: list[Quantity] = []
         for study in self.studies:
-            for numbers in study.numbers:
-                frame = self.results.frame(*numbers.of)
-                make = functools.partial(numbers.made, frame)
-                quantities += self._tried(study, "its numbers", make) or []
+            make = functools.partial(self._numbers, study)
+            quantities += self._tried(study, "its numbers", make) or []
         return comparison.compare(quantities)
+
+    def _numbers(self, study: Study) -> list[Quantity]:
+        found: list[Quantity] = []
+        for experiment, make in study.numbers.items():
+            frame = own_frames(self.results.frame(experiment))
+            if len(frame):
+                found += make(frame)
+        return found
 
     @property
     def left_out(self) -> list[str]:

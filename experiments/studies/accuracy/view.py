@@ -15,7 +15,6 @@ from experiments.records import configs
 from experiments.records.results import ROW, RUNS
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import display_name, scene_name
-from experiments.reporting.estimates import ONE_SENSOR
 from experiments.reporting.facets import facets
 from experiments.reporting.plot import (
     DASHED,
@@ -30,7 +29,6 @@ from experiments.reporting.study import (
     RUN,
     WIDTH,
     Figure,
-    Numbers,
     Quantity,
     Study,
     about,
@@ -164,15 +162,8 @@ def quantities(runs: pd.DataFrame) -> Iterator[Quantity]:
     for name in published.numbers():
         of_scene = whole(of_hdc[of_hdc.scene == name.removesuffix(_ACCURACY)])
         if len(of_scene):
-            yield Quantity.of(
-                name,
-                estimates.share_of_one_sensor(of_scene),
-                ONE_SENSOR,
-                100,
-                n=int(of_scene.n_test.sum()),
-                seeds=len(of_scene),
-                made_by=f"{RUN}{ALL_SCENES}",
-            )
+            share = estimates.share_of_one_sensor(of_scene)
+            yield Quantity(name, share, int(of_scene.n_test.sum()), len(of_scene))
     yield from _least_samples(of_hdc[of_hdc.asked_d == 0])
 
 
@@ -190,13 +181,12 @@ def _least_samples(of_hdc: pd.DataFrame) -> Iterator[Quantity]:
     if not crossed or math.isnan(sum(crossed)):
         return
     by_size = lines.groupby("n_train")
-    yield Quantity.of(
+    yield Quantity(
         "accuracy_vs_n/n_for_90_percent",
         estimates.one_sensor(crossed).within(0, math.inf),
-        f"{ONE_SENSOR}, each where its own curve first crosses",
         n=int(by_size.n_test.sum().min()),
         seeds=int(by_size.size().min()),
-        made_by=f"{RUN}accuracy_vs_n",
+        note="each seed where its own curve first crosses",
     )
 
 
@@ -270,5 +260,5 @@ STUDY = Study(
             "started by hand, with 95 % intervals: a panel per data set.",
         ),
     ],
-    numbers=[Numbers(quantities, of=[RUNS])],
+    numbers={RUNS: quantities},
 )

@@ -10,8 +10,9 @@ import pandas as pd
 
 from experiments.records.results import of_experiment, own_frames
 from experiments.reporting.columns import Column, display_name
+from experiments.reporting.estimates import Estimate
 from experiments.reporting.study import RUN, Quantity
-from experiments.reporting.table import ENDS, Table, records
+from experiments.reporting.table import ENDS, Table
 from experiments.reporting.text import counted, number, percent, two_digits
 from experiments.reporting.trained import same
 from experiments.studies.table1.tables import PAPER
@@ -83,21 +84,14 @@ def busy(frame: pd.DataFrame) -> pd.DataFrame:
 def quantities(frame: pd.DataFrame) -> Iterator[Quantity]:
     """Training times relative to HDC of fits that are timed alone, by the fewest threads."""
     table = times(frame).dropna(subset="over_hdc").drop_duplicates("model")
-    for line in records(table[table.model.isin(PAPER) & (table.model != "hdc")]):
-        by = f"fits, {counted(line['threads'], 'thread')}"
-        n = line["fits"] - line["disturbed"]
-        about = {"condition": by, "n": n, "made_by": f"{RUN}{NAME}"}
-        yield over_hdc(line, "over_hdc", "measurements", **about)
-
-
-def over_hdc(line: Line, column: str, interval: str, **about: Any) -> Quantity:
-    """The training time of a model relative to HDC, as the paper has it too: a column with its
-    bounds."""
-    ratio, low, high = (line[f"{column}{end}"] for end in ENDS)
-    known = interval if low is not None else ""
-    note = "" if line["model"] == "softmax" else "the network's sizes are ours"
-    name = f"table1/{line['model']}_time_over_hdc"
-    return Quantity(name, ratio, low, high, known, note=note, **about)
+    of_paper = table[table.model.isin(PAPER) & (table.model != "hdc")]
+    for line in of_paper.itertuples():
+        yield Quantity(
+            f"table1/{line.model}_time_over_hdc",
+            Estimate(line.over_hdc, line.over_hdc_low, line.over_hdc_high),
+            n=line.fits - line.disturbed,
+            note=counted(line.threads, "thread"),
+        )
 
 
 # Shown --------------------------------------------------------------------------------------------
