@@ -11,24 +11,13 @@ from typing import TypeVar
 
 import pandas as pd
 
-from experiments.records.results import EVERY_RUN, Results, own_frames
+from experiments.records.results import Results, own_frames
 from experiments.reporting import comparison
 from experiments.reporting.study import Figure, Quantity, Study
 from experiments.reporting.table import Table, text_for
 from hdc.io import write_atomically
 
 MINE = "mine"
-RUNS_TABLE = Table(
-    "runs",
-    lambda runs: runs,
-    of=EVERY_RUN,
-    title="Every run",
-    note="tables/runs.csv has a column for every setting, processor and command.",
-    shown=(
-        *("record", "scene", "model", "seed", "status"),
-        *("test_accuracy_final", "total_time_s"),
-    ),
-)
 Made = TypeVar("Made")
 
 
@@ -50,12 +39,10 @@ class Answers:
 
     @functools.cached_property
     def every_study(self) -> list[Study]:
-        """The studies, and last the published numbers and ours, and every run of one's own."""
+        """The studies, and last the published numbers and ours."""
         experiments = [name for study in self.studies for name in study.numbers]
-        tables = [comparison.table(self._compared, experiments)]
-        if self.name == MINE:
-            tables.append(RUNS_TABLE)
-        of_all = Study("numbers", "Every number", "", math.inf, tables=tables)
+        compared = comparison.table(self._compared, experiments)
+        of_all = Study("numbers", "Every number", "", math.inf, tables=[compared])
         return [*self.studies, of_all]
 
     def table(self, name: str) -> Table | None:

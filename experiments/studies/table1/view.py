@@ -1,7 +1,7 @@
 """Table I, and error against run time.
 
 Table I and training times that are measured alone rest on other records, and have a file each:
-``tables`` and ``times``. ``numpy_hdc`` is a model, and ``cold`` is run as a process of its own.
+``tables`` and ``times``. ``cold`` is run as a process of its own.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from experiments.studies.table1.tables import (
     AT_LEAST,
     AT_PAPERS,
     DISTURBED,
-    OVER_NUMPY,
     PAPER,
     RATIO,
 )
@@ -31,7 +30,6 @@ from experiments.studies.table1.tables import (
 KEY = ("scene", "model", "n_train", "pixels")
 # The rules that end a training before its loss has converged.
 NOT_FINISHED = ("budget", "steps", "diverged")
-NOT_MEASURED = "not measured yet"
 Cells = Mapping[str, Any]
 
 
@@ -41,8 +39,6 @@ Cells = Mapping[str, Any]
 def _time(cells: Cells) -> str:
     """Seconds; of a training that never reached 90 %, how long it was given, and where it stood;
     why they do not count, if something disturbed them."""
-    if not cells["seeds"]:
-        return NOT_MEASURED
     reason = cells.get(DISTURBED)
     # Of several seeds only how many; the CSV has every reason.
     mark = f" (disturbed: {reason.partition(': ')[0]})" if reason else ""
@@ -61,9 +57,7 @@ def _ratio(cells: Cells) -> str:
 
 def _at_papers(cells: Cells) -> str:
     """Test accuracy with its interval, and how many seeds it is of where not all got there."""
-    got_there = cells.get("seeds_at_papers")
-    if not cells["seeds"] or got_there is None:
-        return "–"
+    got_there = cells["seeds_at_papers"]
     level = cells["published_training_accuracy"]
     if not got_there and level is not None:
         return f"not reached: {percent(cells['train_accuracy_final'])} % in training"
@@ -82,30 +76,17 @@ def _at_end(cells: Cells) -> str:
 
 
 def note(data: pd.DataFrame) -> str:
-    """Below Table I: what the paper's training accuracies are, how the models end, and the forms of
-    softmax relative to HDC as the paper may have computed it."""
-    rows = records(data)
-    levels = [(model, tables.papers_training_accuracy(model)) for model in PAPER]
-    softmax = [r for r in rows if tables.papers_row(r["model"]) == "softmax"]
-    told = {
-        "The paper's training accuracies": [
-            f"{display_name(model)} {percent(level)} %"
-            for model, level in levels
-            if level
-        ],
-        "Test accuracy at the end of training (%)": [
-            f"{display_name(r['model'])} {_at_end(r)}" for r in rows if r["seeds"]
-        ],
-        "Time relative to HDC by numpy.median": [
-            f"{display_name(r['model'])} {two_digits(r[OVER_NUMPY])}"
-            for r in softmax
-            if r.get(OVER_NUMPY)
-        ],
-    }
-    return " ".join(f"{of}: {'; '.join(known)}." for of, known in told.items() if known)
-
-
-# Numbers of the paper -----------------------------------------------------------------------------
+    """Below Table I: what the paper's training accuracies are, and how the models end."""
+    levels = [
+        f"{display_name(model)} {percent(level)} %"
+        for model in PAPER
+        if (level := tables.papers_training_accuracy(model))
+    ]
+    ends = [f"{display_name(row['model'])} {_at_end(row)}" for row in records(data)]
+    return (
+        f"The paper's training accuracies: {'; '.join(levels)}. "
+        f"Test accuracy at the end of training (%): {'; '.join(ends)}."
+    )
 
 
 def quantities(runs: pd.DataFrame) -> Iterator[Quantity]:
