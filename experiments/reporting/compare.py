@@ -45,8 +45,8 @@ def _numbers(own: Table, reference: Table) -> Iterator[tuple[str, dict[str, Any]
     bounds as ``value``, those of the reference with a suffix."""
     ours, theirs = (table.data.astype(object) for table in (own, reference))
     joined = ours.merge(theirs, on=list(own.key), suffixes=("", REFERENCE))
-    rules = joined.reindex(columns=["stop_rule", f"stop_rule{REFERENCE}"]).astype(str)
-    same_rule = rules.iloc[:, 0] == rules.iloc[:, 1]
+    rules = joined.reindex(columns=["stop_rule", f"stop_rule{REFERENCE}"])
+    same_rule = rules.nunique(axis="columns") < 2
     for name in map(str, ours):
         if f"{name}{ENDS[1]}" not in theirs or own.column(name).of_machine:
             continue

@@ -97,9 +97,9 @@ def verdict(known: Published, ours: Quantity) -> str:
 
 
 def _agreement(known: Published, ours: Estimate) -> str:
-    numbers = (known.value, *ours, known.margin)
+    numbers: Iterable[float] = (known.value, *ours, known.margin)
     if known.unit == "×":  # ratios are off by factors
-        numbers = tuple(map(math.log, numbers))
+        numbers = map(math.log, numbers)
     paper, value, low, high, margin = numbers
     if math.isnan(low):
         return "no interval"

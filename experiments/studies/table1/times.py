@@ -123,38 +123,29 @@ NOTE = (
 )
 
 
-def note(data: pd.DataFrame) -> str:
-    """The rules of the clock, and the times of processes of their own."""
-    cold = data[data.threads == 1].dropna(subset="cold_s")
-    times = [
-        f"{display_name(model)} {two_digits(seconds)} s"
-        for model, seconds in zip(cold.model, cold.cold_s, strict=True)
-    ]
-    of_cold = (
-        " In a process of its own, from its start with reading the frames and without a pause, by "
-        f"one thread: {'; '.join(times)}."
-    )
-    return NOTE + (of_cold if times else "")
-
-
 TABLE = Table(
     NAME,
     times,
     of=NAME,
     key=("model", "threads"),
     title=lambda data: f"Training times on the frames of Table I, {data.cpu.iloc[0]}",
-    note=note,
+    note=NOTE,
     shown=(
         *("model", "threads", "fit_s", "cpu_s", *RATIOS),
-        *("train_accuracy", "fits"),
+        *("fits", "cold_s"),
     ),
     columns={
         "threads": Column("Threads"),
         "fit_s": Column("Time, s", two_digits, of_machine=True),
         "cpu_s": Column("of the processor, s", two_digits, of_machine=True),
         **{name: _ratio(name) for name in RATIOS},
-        "train_accuracy": Column("Training accuracy, %", percent),
         "fits": Column("Fits", cell=_fits),
+        "cold_s": Column(
+            "In a process of its own, s",
+            two_digits,
+            note="A process of its own: from its start, with reading the frames and no pause.",
+            of_machine=True,
+        ),
     },
     commands=(f"{RUN}{NAME}", f"{RUN}{NAME} task.measurement=2"),
 )
