@@ -17,6 +17,7 @@ from experiments.reporting.plot import literal, look_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure
 
 Look = Callable[[Any], Mapping[str, Any]]
@@ -119,27 +120,43 @@ def intervals(
 
 
 def matrix(
-    axes: Axes, values: pd.DataFrame, cell: Callable[[float], str], **look: Any
-) -> None:
-    """A square matrix in colour; of few classes, each with its name, and the numbers in the cells.
+    axes: Axes,
+    values: pd.DataFrame,
+    cell: Callable[[float], str],
+    colours: str = "cividis",
+    limits: tuple[float | None, float | None] = (None, None),
+    gamma: float = 1.0,
+) -> Colorbar:
+    """A square matrix in colour, with a bar of it (returned).
 
     Args:
         axes: drawn on.
         values: rows from top to bottom; index and columns are the names of classes.
-        cell: the text of a value.
-        look: of ``Axes.imshow``.
+        cell: the text of a value, where there is room for it.
+        colours: a map, from the one to the other of `limits`.
+        gamma: colour goes as value**gamma: below 1 small values can be distinguished.
     """
-    image = axes.imshow(values, interpolation="nearest", **look)
+    from matplotlib.colors import PowerNorm
+
+    axes.spines[:].set(visible=True, color="0.7", linewidth=0.4)
+    norm = PowerNorm(gamma, *limits)
+    image = axes.imshow(values, cmap=colours, norm=norm, interpolation="nearest")
     few = len(values) <= PRINTED
     ticks = range(0, len(values), 1 if few else 10)
     names = [literal(str(values.columns[k])) for k in ticks]
-    axes.set_xticks(ticks, names)
-    axes.set_yticks(ticks, names)
-    axes.tick_params(length=0, labelsize=6)
-    if not few:
-        return
-    for (row, column), value in np.ndenumerate(values.to_numpy(float)):
-        light = np.dot(image.to_rgba(value)[:3], (0.3, 0.6, 0.1)) > 0.5
-        place: Any = {"ha": "center", "va": "center", "fontsize": 5.5}
-        colour = "black" if light else "white"
-        axes.text(column, row, cell(value), color=colour, **place)
+    upright = few and max(map(len, names)) > 5  # side by side, long names overlap
+    axes.set_xticks(ticks, names, fontsize=6, rotation=90 if upright else 0)
+    axes.set_yticks(ticks, names, fontsize=6)
+    axes.tick_params(length=0 if few else 2, pad=2)
+    if few:
+        for (row, column), value in np.ndenumerate(values.to_numpy(float)):
+            light = np.dot(image.to_rgba(value)[:3], (0.3, 0.6, 0.1)) > 0.5
+            look: Any = {"ha": "center", "va": "center", "fontsize": 5.5}
+            colour = "black" if light else "white"
+            axes.text(column, row, cell(value), color=colour, **look)
+    where, aspect = ("right", 20) if few else ("bottom", 25)
+    place: Any = {"location": where, "fraction": 0.05, "pad": 0.03, "aspect": aspect}
+    bar = axes.figure.colorbar(image, ax=axes, **place)
+    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.ax.tick_params(labelsize=5.5, length=2, pad=1)
+    return bar

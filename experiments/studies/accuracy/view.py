@@ -209,7 +209,7 @@ STUDY = Study(
             "models; the table has all. Stars: the paper's Table I. Dotted: chance. Bars: 95 % "
             "intervals over five or seven seeds; HDC with counts at N = 400 has one.",
         ),
-        confusions.FIGURE,
+        *confusions.FIGURES,
     ],
     numbers={RUNS: quantities},
 )

@@ -1,4 +1,4 @@
-"""Correlations within and between classes (Fig. 4): speckle, hypervectors, prototypes.
+"""Correlations within and between classes (Figs. 4 and 7(a)): speckle, hypervectors, prototypes.
 
 The paper takes 100 samples per class, 80 of which make its prototype, and does not say which of
 them Eq. 6 compares with the prototype. Here it is compared with the samples that made it
@@ -52,11 +52,18 @@ class Correlation(Task, frozen=True):
     scene: Mapping[str, Any]
     split: Split
     seeds: Sequence[int]
+    kinds: Sequence[str]
+    samples: Sequence[str]
 
     def rows(self, context: Context) -> Iterator[Row]:
+        if set(self.kinds) - set(KINDS):
+            raise ValueError(
+                f"task.kinds: expected among {', '.join(KINDS)}, found {list(self.kinds)}"
+            )
         for seed, sensor in context.scenes(self.scene, self.seeds):
             for row in correlations(sensor, self.split, seed):
-                yield {"origin": sensor.origin, "seed": seed, **row}
+                if row["kind"] in self.kinds and row["samples"] in self.samples:
+                    yield {"origin": sensor.origin, "seed": seed, **row}
             context.note(f"seed {seed}")
 
 

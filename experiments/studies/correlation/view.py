@@ -76,7 +76,7 @@ def correlations(frame: pd.DataFrame) -> pd.DataFrame | None:
         ``class_j``, or the contrast, without classes, with its interval and the ``published`` one.
     """
     own = own_frames(frame)
-    if not len(own):
+    if not set(SIGNS) <= set(own.kind):
         return None
     parts = [mean_matrix(own, *of).assign(kind=of[0], samples=of[1]) for of in MATRICES]
     numbers = published.numbers()
