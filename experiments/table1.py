@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from dataclasses import replace
 
 from omegaconf import OmegaConf
 from rich.console import Console
@@ -23,7 +24,7 @@ from experiments.records.files import results_dir
 from experiments.records.record import Record
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
-from experiments.reporting.terminal import show_row
+from experiments.reporting.terminal import show_rows
 from experiments.studies.table1.view import TABLE1
 
 AGAIN = 2  # times that a disturbed row is measured again
@@ -43,13 +44,14 @@ def main() -> int:
     call, retries = run.CommandLine(), Retries(AGAIN, AGAIN_S)
     say(console, f"Table I: {promise()}")
     with run.ended_by_signals():
-        for number, model in enumerate(seconds()):
+        for model in seconds():
             say(console, display_name(model))
             with call.shown():
                 _measure(console, model, retries)
                 made = TABLE1.made(Results(results_dir()).frame(*TABLE1.experiments))
                 if made is not None:
-                    show_row(console, made, model, heads=number == 0)
+                    row = made.data[made.data.model == model]
+                    show_rows(console, replace(made, data=row))
         with call.shown():
             report.write(results_dir(), console, brief=True)
     return call.status
@@ -69,8 +71,7 @@ def _measure(console: Console, model: str, retries: Retries) -> None:
     """Train a model, and again if something disturbed it."""
 
     def train(attempt: int) -> Record:
-        # HDC by NumPy's median takes seconds, and stands in the note of the reference.
-        words = ["experiment=table1", f"model={model}", "~beside.hdc_numpy"]
+        words = ["experiment=table1", f"model={model}"]
         return run.run(*words, *_ONE_SEED, *(["force=true"] if attempt else []))
 
     for record in retries.attempts(train, _disturbed, seconds()[model]):

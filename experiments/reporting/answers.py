@@ -11,24 +11,13 @@ from typing import TypeVar
 
 import pandas as pd
 
-from experiments.records.results import EVERY_RUN, Results
+from experiments.records.results import Results, own_frames
 from experiments.reporting import comparison
-from experiments.reporting.study import Figure, Study
+from experiments.reporting.study import Figure, Quantity, Study
 from experiments.reporting.table import Table, text_for
 from hdc.io import write_atomically
 
 MINE = "mine"
-RUNS_TABLE = Table(
-    "runs",
-    lambda runs: runs,
-    of=EVERY_RUN,
-    title="Every run",
-    note="tables/runs.csv has a column for every setting, processor and command.",
-    shown=(
-        *("record", "scene", "model", "seed", "status"),
-        *("test_accuracy_final", "total_time_s"),
-    ),
-)
 Made = TypeVar("Made")
 
 
@@ -50,17 +39,10 @@ class Answers:
 
     @functools.cached_property
     def every_study(self) -> list[Study]:
-        """The studies, and last the published numbers and ours, and every run of one's own."""
-        experiments = [
-            name
-            for study in self.studies
-            for numbers in study.numbers
-            for name in numbers.of
-        ]
-        tables = [comparison.table(self._compared, experiments)]
-        if self.name == MINE:
-            tables.append(RUNS_TABLE)
-        of_all = Study("numbers", "Every number", "", math.inf, tables=tables)
+        """The studies, and last the published numbers and ours."""
+        experiments = [name for study in self.studies for name in study.numbers]
+        compared = comparison.table(self._compared, experiments)
+        of_all = Study("numbers", "Every number", "", math.inf, tables=[compared])
         return [*self.studies, of_all]
 
     def table(self, name: str) -> Table | None:
@@ -92,13 +74,19 @@ class Answers:
 
     def _compared(self, _: pd.DataFrame) -> pd.DataFrame:
         """Every published number that was measured, and ours."""
-        quantities = []
+        quantities: list[Quantity] = []
         for study in self.studies:
-            for numbers in study.numbers:
-                frame = self.results.frame(*numbers.of)
-                make = functools.partial(numbers.made, frame)
-                quantities += self._tried(study, "its numbers", make) or []
+            make = functools.partial(self._numbers, study)
+            quantities += self._tried(study, "its numbers", make) or []
         return comparison.compare(quantities)
+
+    def _numbers(self, study: Study) -> list[Quantity]:
+        found: list[Quantity] = []
+        for experiment, make in study.numbers.items():
+            frame = own_frames(self.results.frame(experiment))
+            if len(frame):
+                found += make(frame)
+        return found
 
     @property
     def left_out(self) -> list[str]:

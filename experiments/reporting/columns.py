@@ -72,11 +72,6 @@ def _pixels(count: Any) -> str:
     return count if isinstance(count, str) else f"{int(count):,}"
 
 
-def _status(row: Row) -> str:
-    parts = [row.get("status"), row.get("stop")]
-    return ", ".join(filter(None, parts))
-
-
 COLUMNS: dict[str, Column] = {
     # Of runs.
     "scene": Column("Scene", scene_name),
@@ -84,7 +79,6 @@ COLUMNS: dict[str, Column] = {
     "n_train": Column("N"),
     "pixels": Column("D", _pixels),
     "seeds": Column("Seeds"),
-    "status": Column("Status", cell=_status),
     "training_time_s": Column(
         "Training time, s",
         note="Training time: iterative models, until training accuracy exceeds 90 %; one-pass "

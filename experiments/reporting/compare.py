@@ -1,4 +1,4 @@
-"""Own results beside the reference: tables of one name, joined by the key of their rows.
+"""Own results beside the reference: numbers of tables of one name, joined by the key of their rows.
 
 A number differs where its interval, or the number itself if it has none, lies outside the interval
 of the reference. Results at the end of training are compared under the same stopping rule only, and
@@ -8,7 +8,7 @@ quantities of a machine, such as seconds, are not compared at all.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import pandas as pd
@@ -32,48 +32,52 @@ def compare(own: Iterable[Table], reference: Iterable[Table]) -> pd.DataFrame:
     """
     known = {table.name: table for table in reference}
     found = [
-        row
+        (table.name, _differs(line), _told(table, name, line))
         for table in own
         if table.key and table.name in known
-        for row in _compared(table, known[table.name])
+        for name, line in _numbers(table, known[table.name])
     ]
     return pd.DataFrame(found, columns=COLUMNS).astype({"differs": bool})
 
 
-def _compared(own: Table, reference: Table) -> Iterator[tuple[str, bool, str]]:
-    """The rows of one table."""
-    ours, theirs = (each.data.astype(object) for each in (own, reference))
-    names = [
-        name
-        for name in map(str, ours)
-        if f"{name}{ENDS[1]}" in theirs and not own.column(name).of_machine
-    ]
+def _numbers(own: Table, reference: Table) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The name of each number that both tables have, and its line: the key, and the number with its
+    bounds as ``value``, those of the reference with a suffix."""
+    ours, theirs = (table.data.astype(object) for table in (own, reference))
     joined = ours.merge(theirs, on=list(own.key), suffixes=("", REFERENCE))
-    for line in records(joined):
-        same_rule = line.get("stop_rule") == line.get(f"stop_rule{REFERENCE}")
-        for name in names:
-            value, low, high = (line.get(f"{name}{end}") for end in ENDS)
-            bounds = [line.get(f"{name}{end}{REFERENCE}") for end in ENDS]
-            if value is None or None in bounds or not (same_rule or name == UNTIL_90):
-                continue
-            interval = (value, value) if low is None or high is None else (low, high)
-            yield own.name, _differs(value, interval, bounds), _told(own, line, name)
+    rules = joined.reindex(columns=["stop_rule", f"stop_rule{REFERENCE}"])
+    same_rule = rules.nunique(axis="columns") < 2
+    for name in map(str, ours):
+        if f"{name}{ENDS[1]}" not in theirs or own.column(name).of_machine:
+            continue
+        named = {
+            f"{name}{end}{of}": f"value{end}{of}"
+            for end in ENDS
+            for of in ("", REFERENCE)
+        }
+        lines = joined.reindex(columns=[*own.key, *named]).rename(columns=named)
+        asked = ["value", *(f"value{end}{REFERENCE}" for end in ENDS)]
+        lines = lines[same_rule | (name == UNTIL_90)].dropna(subset=asked)
+        yield from ((name, line) for line in records(lines))
 
 
-def _differs(value: float, ours: Sequence[float], theirs: Sequence[Any]) -> bool:
+def _differs(line: dict[str, Any]) -> bool:
     """Whether a number is not that of the reference, and its bounds lie outside the others."""
-    (low, high), (known, lowest, highest) = ours, theirs
+    value, low, high = (line[f"value{end}"] for end in ENDS)
+    known, lowest, highest = (line[f"value{end}{REFERENCE}"] for end in ENDS)
+    if low is None or high is None:
+        low = high = value
     same = math.isclose(value, known, rel_tol=SAME, abs_tol=1e-12)
     return not same and (low > highest or high < lowest)
 
 
-def _told(own: Table, line: dict[str, Any], name: str) -> str:
+def _told(own: Table, name: str, line: dict[str, Any]) -> str:
     """The cells that tell the row from others, the number, and the bounds of the reference."""
     telling = [key for key in own.key if own.data[key].nunique() > 1] or own.key
     who = ", ".join(own.column(key).text(key, line) for key in telling)
     show, head = own.column(name).show, own.column(name).head
-    bounds = " to ".join(show(line[f"{name}{end}{REFERENCE}"]) for end in ENDS[1:])
-    return f"{who}: {head}: {show(line[name])} (reference: {bounds})."
+    bounds = " to ".join(show(line[f"value{end}{REFERENCE}"]) for end in ENDS[1:])
+    return f"{who}: {head}: {show(line['value'])} (reference: {bounds})."
 
 
 def lines(numbers: pd.DataFrame) -> Iterator[str]:

@@ -23,7 +23,6 @@ from hdc.accuracy import wilson
 # Columns of runs that a paired difference needs.
 _PAIRED = ["seeds", "test_set", "origin", "n_test", "right", "labels", "predicted"]
 _LEVEL = 0.9  # the accuracy that the paper exceeds for N > 20
-ONE_SENSOR = "of one sensor, Student over seeds"
 
 
 class Estimate(NamedTuple):

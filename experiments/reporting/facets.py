@@ -119,50 +119,6 @@ def intervals(
         axes.errorbar(values, at, xerr=distances, **shown)
 
 
-def error_axis(axes: Axes, n_test: float) -> float:
-    """A logarithmic axis of errors with a grey strip for no error at all; the place of the strip.
-
-    An accuracy on n test samples cannot tell an error below 1/n from none: the strip lies there.
-    """
-    floor = 0.5 / n_test
-    axes.set_yscale("log")
-    axes.set_ylim(floor * 0.8, 1.1)
-    decades = (0.001, 0.01, 0.1)
-    ticks = [tick * k for tick in decades for k in (1, 2, 5)]
-    above = [tick for tick in ticks if tick >= 0.99 / n_test]
-    axes.set_yticks([floor, *above, 1.0])
-    axes.set_yticks([], minor=True)
-    axes.yaxis.set_major_formatter(
-        lambda y, _: "0" if y < 0.9 / n_test else f"{100 * y:g} %"
-    )
-    axes.axhspan(floor * 0.8, 0.72 / n_test, color="0.92", lw=0, zorder=0)
-    return floor
-
-
-def learning_curves(axes: Axes, data: pd.DataFrame, x: str, floor: float) -> None:
-    """Test error while models learn, a line per run, and after training with its interval.
-
-    Args:
-        axes: drawn on; its axis of errors is that of :func:`error_axis`.
-        data: of :func:`experiments.reporting.trained.learning`.
-        x: the column of times.
-        floor: where no error is drawn.
-    """
-    shown = data.assign(
-        **{
-            name: data[name].clip(lower=floor)
-            for name in ("error", "error_low", "error_high")
-        }
-    )
-    for model, of_model in shown.groupby("model", sort=False):
-        look: Any = look_of(str(model)) | {"marker": ""}
-        for _, of_run in of_model[of_model["at"] == "report"].groupby("record"):
-            axes.plot(of_run[x], of_run.error, **look | {"lw": 0.8, "alpha": 0.75})
-        ends = of_model[of_model["at"] == "end"]
-        at_end: Any = look_of(str(model)) | {"capsize": 1.5, "zorder": 3}
-        line(axes, ends, x, "error", **at_end)
-
-
 def matrix(
     axes: Axes,
     values: pd.DataFrame,

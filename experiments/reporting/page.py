@@ -13,8 +13,10 @@ from urllib.parse import quote
 import jinja2
 
 from experiments.reporting.answers import Answers
+from experiments.reporting.study import Study
 
 ROWS = 30  # of a table that is not folded away
+PARTS = ("tables", "figures", "failures")  # of a study, besides itself
 
 
 def render(
@@ -54,14 +56,17 @@ def sections(sets: Sequence[Answers]) -> Iterator[list[dict[str, Any]]]:
     """The studies of each set, with the tables and figures that no set before it has."""
     shown: set[str] = set()
     for answers in sets:
-        found: list[dict[str, Any]] = []
-        for study in answers.every_study:
-            figures = [f for f in answers.figures(study) if f.name not in shown]
-            tables = [t for t in answers.tables(study) if t.name not in shown]
-            failures = [text for name, text in answers.failures if name == study.name]
-            if figures or tables or failures:
-                answer = {"tables": tables, "figures": figures, "failures": failures}
-                found.append({"study": study, **answer})
-        for each in found:
-            shown.update(made.name for made in (*each["tables"], *each["figures"]))
-        yield found
+        every = [_section(answers, study, shown) for study in answers.every_study]
+        yield [each for each in every if any(each[part] for part in PARTS)]
+        shown |= {
+            made.name for each in every for made in (*each["tables"], *each["figures"])
+        }
+
+
+def _section(answers: Answers, study: Study, shown: set[str]) -> dict[str, Any]:
+    return {
+        "study": study,
+        "tables": [t for t in answers.tables(study) if t.name not in shown],
+        "figures": [f for f in answers.figures(study) if f.name not in shown],
+        "failures": [text for name, text in answers.failures if name == study.name],
+    }

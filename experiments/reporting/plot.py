@@ -72,12 +72,6 @@ def handle(model: str, width: int = 100, **look: Any) -> Line2D:
     return entry(wrapped(display_name(model), width), **(look or look_of(model)))
 
 
-def published_point(axes: Axes, model: str, x: float, y: float, size: float) -> None:
-    """The paper's value of a model, a star in its colour."""
-    look = {**published_look(model), "ms": size, "mew": 0.6}
-    axes.plot(x, y, zorder=5, clip_on=False, **look)
-
-
 def published_look(model: str) -> dict[str, Any]:
     """How the paper's value of a model is drawn, in its colour."""
     return {**PAPER, "mfc": look_of(model)["color"]}

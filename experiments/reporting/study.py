@@ -22,17 +22,15 @@ it names. A figure draws the values of one table and nothing else.
 from __future__ import annotations
 
 import importlib
-import math
 import pkgutil
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.results import own_frames
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.plot import STYLE, head, literal, save
@@ -108,60 +106,21 @@ class Figure:
         return save(self.draw(self.table.data))
 
 
-@dataclass(frozen=True)
-class Quantity:
+class Quantity(NamedTuple):
     """A number that the paper gives, too.
 
     Attributes:
         name: ``experiment/quantity`` of published.csv.
-        value: in the unit of published.csv; a text where it was not reached, None if not measured.
-        low, high: 95 % interval of one more sensor's number; None where unknown.
-        interval: what the bounds are.
-        condition: tells values of one quantity apart where the paper leaves it open.
+        estimate: the number, a share as a fraction, and the 95 % interval of one more sensor's.
         n, seeds: how many test samples, or frames, of all seeds; how many seeds.
-        made_by: command that measures it again.
         note: what a reader has to know.
     """
 
     name: str
-    value: float | str | None
-    low: float | None = None
-    high: float | None = None
-    interval: str = ""
-    condition: str = ""
-    n: int | None = None
+    estimate: Estimate
+    n: int
     seeds: int | None = None
-    made_by: str = ""
     note: str = ""
-
-    @classmethod
-    def of(
-        cls,
-        name: str,
-        estimate: Estimate,
-        interval: str,
-        scale: float = 1.0,
-        **rest: Any,
-    ) -> Quantity:
-        """From an estimate, in a unit of 1/scale; its bounds are unknown where they are NaN."""
-        low, high = (
-            None if math.isnan(bound) else scale * bound for bound in estimate[1:]
-        )
-        known = interval if low is not None or high is not None else ""
-        return cls(name, scale * estimate.value, low, high, known, **rest)
-
-
-@dataclass(frozen=True)
-class Numbers:
-    """How numbers are made that the paper gives, too: of the experiments' own frames alone."""
-
-    make: Callable[[pd.DataFrame], Iterator[Quantity]]
-    of: Sequence[str]
-
-    def made(self, frame: pd.DataFrame) -> list[Quantity]:
-        """The numbers, if there are lines."""
-        own = own_frames(frame)
-        return list(self.make(own)) if len(own) else []
 
 
 @dataclass(frozen=True)
@@ -174,7 +133,9 @@ class Study:
         question: a sentence or two.
         order: place on the page; smaller comes first.
         front: whether it stands unfolded on the page, before the others.
-        tables, figures, numbers: what answers it, in the order in which they are shown.
+        tables, figures: what answers it, in the order in which they are shown.
+        numbers: by experiment, what makes numbers that the paper gives, too, of lines on the
+            experiment's own frames.
     """
 
     name: str
@@ -184,7 +145,9 @@ class Study:
     front: bool = False
     tables: Sequence[Table] = ()
     figures: Sequence[Figure] = ()
-    numbers: Sequence[Numbers] = ()
+    numbers: Mapping[str, Callable[[pd.DataFrame], Iterable[Quantity]]] = field(
+        default_factory=dict
+    )
 
 
 def studies(package: ModuleType) -> list[Study]:

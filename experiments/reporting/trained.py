@@ -6,29 +6,22 @@ number of those that have it beside it.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.results import CHECKPOINTS, ROW, RUNS, of_experiment
+from experiments.records.results import ROW
 from experiments.reporting import estimates
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.text import counted, frames_of, kind_of, split_name
 
 MACHINE = ["cpu", "threads"]
-_MEDIANS = [
-    *("training_time_s", "total_time_s"),
-    *("predict_single_s", "predict_batch_s_per_frame"),
-]
-_MEANS = [
-    *("train_accuracy_at_target", "test_accuracy_at_target"),
-    *("train_accuracy_max", "train_accuracy_final", "test_accuracy_max"),
-]
+_MEDIANS = ["training_time_s", "total_time_s", "predict_single_s"]
+_MEANS = ["train_accuracy_at_target", "test_accuracy_at_target", "train_accuracy_final"]
 _FIRST = ["n_train", "stop_rule", "n_classes", "code", "others"]
 _SAME = ["model_bytes", *MACHINE]
 # Seconds: of a row whose runs were not alone on the machine they are left out.
@@ -37,10 +30,10 @@ COLUMNS = [
     *("scene", "model", "n_train", "pixels", "seeds", "stop", "stop_rule", "status"),
     *("training_time_s", "at_least_s", "total_time_s"),
     *("train_accuracy_at_target", "test_accuracy_at_target", "seeds_at_target"),
-    *("train_accuracy_max", "train_accuracy_final", "test_accuracy_max"),
+    "train_accuracy_final",
     *("test_accuracy_final", "test_accuracy_final_low", "test_accuracy_final_high"),
     *("n_test", "over_hdc", "over_hdc_low", "over_hdc_high", "model_bytes"),
-    *("predict_single_s", "predict_batch_s_per_frame", "origin", "split"),
+    *("predict_single_s", "origin", "split"),
     *("n_classes", "cpu", "threads", "code"),
 ]
 
@@ -139,29 +132,6 @@ def _status(row: Any) -> str:
     return "; ".join(notes) or "ok"
 
 
-def swept(runs: pd.DataFrame, experiment: str) -> pd.DataFrame:
-    """A row for each scene, model, N and D that an experiment sweeps over and that was measured."""
-    params = configs.sweep(experiment)
-    sizes = (
-        configs.numbers(params.get(name, ["null"]))
-        for name in ("split.n_train", "data.pixels")
-    )
-    asked = itertools.product(params["scene"], params["model"], *sizes)
-    models = {"hdc", *params["model"]}
-    own = runs[runs.scene.isin(params["scene"]) & runs.model.isin(models)]
-    return asked_for(of_runs(own), asked)[lambda rows: rows.seeds > 0]
-
-
-def asked_for(table: pd.DataFrame, asked: Iterable[Sequence[Any]]) -> pd.DataFrame:
-    """Rows of a table of runs by their names (:data:`ROW`); of those not run, names and status."""
-    wanted = pd.DataFrame(list(asked), columns=ROW)
-    found = wanted.merge(table.astype(dict.fromkeys(ROW[2:], int)), "left", ROW)
-    missing = found.seeds.isna()
-    return found.assign(
-        seeds=found.seeds.mask(missing, 0), status=found.status.mask(missing, "missing")
-    )[[*COLUMNS, *ROW[2:]]]
-
-
 def extra_models(runs: pd.DataFrame, scene: str) -> list[str]:
     """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and models with
     changed settings."""
@@ -171,46 +141,10 @@ def extra_models(runs: pd.DataFrame, scene: str) -> list[str]:
 
 def caption(data: pd.DataFrame, what: str) -> str:
     """Title of a table of runs: its content, frames, scenes and machines."""
-    measured = data[data.seeds.astype(bool)]
     names = " and ".join(f"“{scene_name(scene)}”" for scene in data.scene.unique())
-    if not len(measured):
-        return f"{what}, scene {names}: no runs."
     machines = {
         f"{cpu}, {counted(threads, 'thread')}"
-        for cpu, threads in zip(measured.cpu, measured.threads, strict=True)
+        for cpu, threads in zip(data.cpu, data.threads, strict=True)
     }
-    kinds = frames_of(configs.scene_display(scene)["kind"] for scene in measured.scene)
+    kinds = frames_of(configs.scene_display(scene)["kind"] for scene in data.scene)
     return f"{what}, {kinds}, scene {names}. {'; '.join(sorted(machines))}."
-
-
-def learning(frame: pd.DataFrame) -> pd.DataFrame:
-    """Test error while models learn, and after training: a row per report of a run that was tested,
-    and one per model at its end.
-
-    Args:
-        frame: lines of single trainings and of their checkpoints.
-
-    Returns:
-        DataFrame: :data:`ROW`, ``record`` and ``seed`` of a report, ``at`` (``report`` or ``end``),
-        ``seconds``, ``error`` (at the end with its 95 % interval), and ``n_test`` of all seeds.
-    """
-    runs = of_experiment(frame, RUNS)
-    reports = of_experiment(frame, CHECKPOINTS)
-    table = of_runs(runs)
-    accuracy = table.filter(like="test_accuracy_final").astype(float)
-    ends = table.assign(
-        at="end",
-        seconds=runs.groupby(ROW, sort=False).total_time_s.median().to_numpy(),
-        error=1 - accuracy.test_accuracy_final,
-        error_low=1 - accuracy.test_accuracy_final_high,
-        error_high=1 - accuracy.test_accuracy_final_low,
-    )
-    tested = reports.dropna(subset="test_accuracy")
-    while_learning = tested.assign(
-        at="report", seconds=tested.training_s, error=1 - tested.test_accuracy
-    )
-    about = ends[[*ROW, "n_test", "split"]].astype(dict.fromkeys(ROW[2:], int))
-    while_learning = while_learning.merge(about, on=ROW)
-    names = [*ROW, "record", "seed", "at", "seconds", "error"]
-    names += ["error_low", "error_high", "n_test", "split"]
-    return pd.concat([while_learning, ends]).reindex(columns=names)

@@ -139,10 +139,7 @@ def runs_of_table1(write_run):
                  "test_accuracy": test, **learnt}
                 for place, (train, test) in enumerate(reports)
             ]  # fmt: skip
-            beside = {
-                "beside.hdc_s": float(rng.uniform(0.4, 0.6)),
-                "beside.hdc_numpy_s": 2.0,
-            }
+            beside = {"beside.hdc_s": float(rng.uniform(0.4, 0.6))}
             wrong = range(seed)
             write_run(model, seed=seed, curve=curve, wrong=wrong, **beside)
     write_run("softmax", seed=0, change={"model.lr": 0.5}, wrong=range(50))

@@ -158,11 +158,10 @@ def recompute(runs: list[dict], model: str) -> dict[str, float]:
     if math.inf not in times:
         found["training_time_s"] = float(np.median(times))
     found["total_time_s"] = float(np.median([run["total_time_s"] for run in own]))
-    for name, key in (("hdc", "hdc"), ("numpy_hdc", "hdc_numpy")):
-        beside = [run.get(f"beside.{key}_s") for run in own]
-        if model != "hdc" and None not in beside and math.inf not in times:
-            ratios = [time / of for time, of in zip(times, beside, strict=True)]
-            found |= median_range(f"training_time_over_{name}", ratios)
+    beside = [run.get("beside.hdc_s") for run in own]
+    if model != "hdc" and None not in beside and math.inf not in times:
+        ratios = [time / of for time, of in zip(times, beside, strict=True)]
+        found |= median_range("training_time_over_hdc", ratios)
     level = papers_level(model)
     shares = (at_papers(run, level) for run in counting(runs, model))
     known = [share for share in shares if share is not None]

@@ -72,7 +72,7 @@ def made_whole(results, touched):
         figures = [
             f for f in study.figures if not touched.isdisjoint(f.table.experiments)
         ]
-        numbers = [n for n in study.numbers if not touched.isdisjoint(n.of)]
+        numbers = {n: make for n, make in study.numbers.items() if n in touched}
         part = replace(study, tables=tables, figures=figures, numbers=numbers)
         answers = Answers("reference", results, [part])
         names += [table.name for table in answers.tables(part) if table.csv()]

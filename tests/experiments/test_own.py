@@ -109,8 +109,8 @@ def test_models_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
         assert int(rows[place]["seeds"]) == len(of_row)
     assert "Nearest mean (power=1.0)" in page
     assert "my $frames$ &lt;b&gt;.npz" in page
-    # Runs that were started by hand have a figure of their own.
-    sizes = {int(row["n_train"]) for row in rows_of(own, "figures/own_accuracy_vs_n")}
+    # Runs that were started by hand stand in the figure of samples, too.
+    sizes = {int(row["n_train"]) for row in rows_of(own, "tables/accuracy_vs_n")}
     assert sizes == {10, 48, 6, 21}
     (recording,) = rows_of(own, "tables/recordings")
     assert all(0 <= float(recording[model]) <= 1 for model in ("hdc", "hdc_first"))

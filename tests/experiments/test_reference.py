@@ -100,7 +100,7 @@ def test_it_adopts_writes_the_tables_and_fills_readme_and_docs(target, write_run
     assert ",0.98," in (target / "tables" / "table1.csv").read_text()
     filled = reference.README.read_text()
     assert filled.startswith(f"{begin}| Model | Seeds |")
-    assert filled.endswith(f" | ×356, 93 |{end}")
+    assert filled.endswith(f" | ×1, 100 |{end}")
 
     def files():
         return {path: path.read_bytes() for path in target.rglob("*") if path.is_file()}

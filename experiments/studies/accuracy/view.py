@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -15,7 +15,6 @@ from experiments.records import configs
 from experiments.records.results import ROW, RUNS
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import display_name, scene_name
-from experiments.reporting.estimates import ONE_SENSOR
 from experiments.reporting.facets import facets
 from experiments.reporting.plot import (
     DASHED,
@@ -23,20 +22,18 @@ from experiments.reporting.plot import (
     handle,
     legend_below,
     published_look,
-    published_point,
     wrapped,
 )
 from experiments.reporting.study import (
     RUN,
     WIDTH,
     Figure,
-    Numbers,
     Quantity,
     Study,
     about,
 )
 from experiments.reporting.table import Table
-from experiments.reporting.trained import caption, extra_models, of_runs, swept, whole
+from experiments.reporting.trained import caption, of_runs, whole
 from experiments.studies.accuracy import confusions
 from experiments.studies.accuracy.confusions import ALL_SCENES, by_place
 
@@ -46,37 +43,18 @@ if TYPE_CHECKING:
 
 N_PUBLISHED = 400  # of all the published accuracies; equal ones are drawn side by side
 MOST_MODELS = 4  # of the figure; the CSV has all
-TICKS = (5, 10, 20, 50, 100, 200, 400)
 KEY = ("scene", "model", "n_train", "pixels")
 # How the names of the paper's accuracies on a scene end in published.csv.
 _ACCURACY = "/test_accuracy"
 
 
-def several(table: pd.DataFrame) -> pd.DataFrame | None:
-    """A table of a sweep without the names of its rows; None where one place was measured only."""
-    places = table[["n_train", "pixels"]].drop_duplicates()
-    return table.drop(columns=ROW[2:]) if len(places) > 1 else None
-
-
-def accuracy_vs_n(runs: pd.DataFrame) -> pd.DataFrame | None:
-    """Accuracies against the number N of training samples, of one's own models, too."""
-    (scene,) = configs.sweep("accuracy_vs_n")["scene"]
-    wanted = runs.model.isin(extra_models(runs, scene)) | runs.model.eq("hdc")
-    here = runs[wanted & (runs.scene == scene) & (runs.asked_d == 0)]
-    own_rows = of_runs(here)[lambda rows: rows.model != "hdc"]
-    rows = swept(runs, "accuracy_vs_n")
-    return several(pd.concat([rows, own_rows]) if len(own_rows) else rows)
-
-
-def own_accuracy_vs_n(runs: pd.DataFrame) -> pd.DataFrame | None:
-    """Rows of runs on all pixels that no experiment started, of scenes on which a model was trained
-    on several numbers of samples."""
-    own = runs[runs["sweep"].eq("") & runs.asked_d.eq(0)]
-    if not len(own):
-        return None
-    by_scene = of_runs(own).groupby("scene")
-    several = by_scene.filter(lambda rows: rows.model.duplicated().any())
-    return several.drop(columns=ROW[2:])
+def curves(runs: pd.DataFrame, along: str) -> pd.DataFrame | None:
+    """Rows of the models that were trained on several numbers of samples, or of pixels, of a scene,
+    one's own too."""
+    rows = of_runs(runs)
+    several = rows.groupby(["scene", "model"])[along].transform("nunique") > 1
+    ordered = rows[several].sort_values(["scene", "model", along])
+    return ordered.drop(columns=ROW[2:])
 
 
 def all_scenes(runs: pd.DataFrame) -> pd.DataFrame:
@@ -92,44 +70,33 @@ def all_scenes(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
-    """Test accuracy against the number of training samples (Fig. 5(b) of the paper): of the paper's
-    models and fast ones, one's own, then others, and the paper's values."""
-    swept_here = configs.sweep("accuracy_vs_n")["model"]
-    own_models = data.model[~data.model.isin(swept_here)]
-    order = [*configs.models("paper", "fast"), *own_models, *swept_here]
+    """A panel per scene: test accuracy against the number of training samples of the paper's models
+    and fast ones, then others; on the scene of the paper's Fig. 5(b) its values."""
     found = set(data.model)
-    models = [model for model in dict.fromkeys(order) if model in found][:MOST_MODELS]
-    shown = data[data.model.isin(models)]
+    order = dict.fromkeys([*configs.models("paper", "fast"), *data.model])
+    models = [model for model in order if model in found][:MOST_MODELS]
+    shown = data[data.model.isin(models)].sort_values("n_train", kind="stable")
+    figure.set_size_inches(WIDTH, 1.5 + 2.2 * shown.scene.nunique())
     place = shown.model.map(models.index) - len(models) // 2
-    apart = shown.assign(n_train=shown.n_train * 1.02**place)  # by a few percent of N
-    (axes,) = _draw_lines(figure, apart, TICKS).values()
-    chance = 100 / data.n_classes.iloc[0]
-    axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
-    axes.text(50, chance, "chance", ha="center", va="bottom", color="0.3", fontsize=6)
-    _draw_published(axes)
-    lowest = 100 * data.test_accuracy_final_low.min()
-    axes.set_ylim(min(15, lowest - 2), 102)
-    sizes = [N_PUBLISHED, *data.n_train]
-    axes.set_xlim(min(sizes) / 1.35, max(sizes) * 1.35)
+    # Apart by a few percent of N.
+    apart = shown.assign(n_train=shown.n_train * 1.02**place, column="")
+    names = ("n_train", "test_accuracy_final", "model", "scene", "column")
+    for (scene, _), axes in facets(figure, apart, *names, scale=100).items():
+        of_scene = shown[shown.scene == scene]
+        axes.set(xscale="log", xlabel="training samples N", ylabel="test accuracy (%)")
+        sizes = of_scene.n_train.unique().tolist()
+        axes.set_xticks(sizes, map(str, sizes), fontsize=6)
+        axes.set_xticks([], minor=True)
+        chance = 100 / of_scene.n_classes.iloc[0]
+        axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
+        axes.set_title(wrapped(scene_name(scene), 40))
+        if [scene] == configs.sweep("accuracy_vs_n")["scene"]:
+            _draw_published(axes)
     stars = [
         entry(f"paper: {display_name(model)}", **published_look(model))
         for model in published.models_of_table1()
     ]
     legend_below(figure, [*map(handle, models), *stars])
-
-
-def _draw_lines(
-    figure: Canvas, data: pd.DataFrame, ticks: Sequence[int]
-) -> dict[str, Axes]:
-    """A panel per scene (returned by its name), a line per model."""
-    names = ("n_train", "test_accuracy_final", "model", "scene", "experiment")
-    rows = data.sort_values("n_train", kind="stable").assign(experiment="")
-    panels = facets(figure, rows, *names, scale=100, sharex=True)
-    for axes in panels.values():
-        axes.set(xscale="log", xlabel="training samples N", ylabel="test accuracy (%)")
-        axes.set_xticks(ticks, map(str, ticks))
-        axes.set_xticks([], minor=True)
-    return {scene: axes for (scene, _), axes in panels.items()}
 
 
 def _draw_published(axes: Axes) -> None:
@@ -139,22 +106,13 @@ def _draw_published(axes: Axes) -> None:
     for model in published.models_of_table1():
         accuracy = known[f"table1/{model}_test_accuracy"].value
         place = N_PUBLISHED * 1.1 ** drawn.count(accuracy)
-        published_point(axes, model, place, accuracy, 8)
+        axes.plot(place, accuracy, zorder=5, **published_look(model))
         drawn.append(accuracy)
     limit = known["accuracy_vs_n/n_for_90_percent"].value
-    axes.plot([limit, limit], [0, 90], **DASHED)
+    axes.axvline(limit, **DASHED)
     axes.axhline(90, **DASHED)
     text = f"paper: > 90 %\nonly for N > {limit:g}"
     axes.text(limit * 1.05, 42, text, ha="left", color="0.3", fontsize=6)
-
-
-def draw_own(figure: Canvas, data: pd.DataFrame) -> None:
-    """Runs that were started by hand."""
-    figure.set_size_inches(WIDTH, 1 + 2 * data.scene.nunique())
-    panels = _draw_lines(figure, data, sorted(data.n_train.unique()))
-    for scene, axes in panels.items():
-        axes.set_title(wrapped(scene_name(scene), 40))
-    legend_below(figure, map(handle, data.model.unique()))
 
 
 def quantities(runs: pd.DataFrame) -> Iterator[Quantity]:
@@ -164,15 +122,8 @@ def quantities(runs: pd.DataFrame) -> Iterator[Quantity]:
     for name in published.numbers():
         of_scene = whole(of_hdc[of_hdc.scene == name.removesuffix(_ACCURACY)])
         if len(of_scene):
-            yield Quantity.of(
-                name,
-                estimates.share_of_one_sensor(of_scene),
-                ONE_SENSOR,
-                100,
-                n=int(of_scene.n_test.sum()),
-                seeds=len(of_scene),
-                made_by=f"{RUN}{ALL_SCENES}",
-            )
+            share = estimates.share_of_one_sensor(of_scene)
+            yield Quantity(name, share, int(of_scene.n_test.sum()), len(of_scene))
     yield from _least_samples(of_hdc[of_hdc.asked_d == 0])
 
 
@@ -190,13 +141,12 @@ def _least_samples(of_hdc: pd.DataFrame) -> Iterator[Quantity]:
     if not crossed or math.isnan(sum(crossed)):
         return
     by_size = lines.groupby("n_train")
-    yield Quantity.of(
+    yield Quantity(
         "accuracy_vs_n/n_for_90_percent",
         estimates.one_sensor(crossed).within(0, math.inf),
-        f"{ONE_SENSOR}, each where its own curve first crosses",
         n=int(by_size.n_test.sum().min()),
         seeds=int(by_size.size().min()),
-        made_by=f"{RUN}accuracy_vs_n",
+        note="each seed where its own curve first crosses",
     )
 
 
@@ -218,12 +168,12 @@ def _sweep(name: str, make: Callable[[pd.DataFrame], Any], what: str) -> Table:
 
 VS_N = _sweep(
     "accuracy_vs_n",
-    accuracy_vs_n,
+    lambda runs: curves(runs[runs.asked_d == 0], "n_train"),
     "Accuracy against the number N of training samples",
 )
 VS_D = _sweep(
     "accuracy_vs_d",
-    lambda runs: several(swept(runs, "accuracy_vs_d")),
+    lambda runs: curves(runs[runs.asked_n == 0], "pixels"),
     "Accuracy against the number D of pixels seen",
 )
 BY_SCENE = Table(
@@ -258,17 +208,8 @@ STUDY = Study(
             caption="Test accuracy against the number of training samples (Fig. 5(b)), of a few "
             "models; the table has all. Stars: the paper's Table I. Dotted: chance. Bars: 95 % "
             "intervals over five or seven seeds; HDC with counts at N = 400 has one.",
-            size=(3.4, 3.7),
         ),
         *confusions.FIGURES,
-        Figure(
-            "own_accuracy_vs_n",
-            Table("own_accuracy_vs_n", own_accuracy_vs_n, of=RUNS),
-            draw_own,
-            title="Test accuracy against training samples",
-            caption="Test accuracy against the number of training samples, of runs that were "
-            "started by hand, with 95 % intervals: a panel per data set.",
-        ),
     ],
-    numbers=[Numbers(quantities, of=[RUNS])],
+    numbers={RUNS: quantities},
 )

@@ -11,7 +11,6 @@ import pandas as pd
 from experiments.records.results import own_frames
 from experiments.reporting import published
 from experiments.reporting.estimates import (
-    ONE_SENSOR,
     Estimate,
     mean_interval,
     one_sensor,
@@ -19,7 +18,7 @@ from experiments.reporting.estimates import (
 from experiments.reporting.facets import matrix, spread
 from experiments.reporting.plot import PAPER, entry, panel
 from experiments.reporting.resamples import matrices, mean_matrix
-from experiments.reporting.study import Figure, Numbers, Quantity, Study
+from experiments.reporting.study import Figure, Quantity, Study
 from experiments.reporting.table import Table
 from experiments.reporting.trained import split_of
 from experiments.studies.correlation.pairs import contrast
@@ -60,10 +59,9 @@ def quantities(lines: pd.DataFrame) -> Iterator[Quantity]:
     ):
         values = matrices(of_all, kind, "all")
         seeds, n_classes, _ = values.shape
-        yield Quantity.of(
+        yield Quantity(
             f"correlation/{quantity}",
             one_sensor([of(c) for c in values]),
-            ONE_SENSOR,
             n=seeds * n_classes * int(of_all.n.iloc[0]),
             seeds=seeds,
             note=note if kind == "prototype" else "",
@@ -141,5 +139,5 @@ STUDY = Study(
             size=(4.6, 4.2),
         ),
     ],
-    numbers=[Numbers(quantities, of=["correlation"])],
+    numbers={"correlation": quantities},
 )

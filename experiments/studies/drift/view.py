@@ -12,7 +12,7 @@ import pandas as pd
 
 from experiments.reporting import estimates
 from experiments.reporting.columns import Column
-from experiments.reporting.study import Figure, Numbers, Quantity, Study, about
+from experiments.reporting.study import Figure, Quantity, Study, about
 from experiments.reporting.table import Table
 from experiments.reporting.text import percent
 from experiments.studies.drift import figures, numbers
@@ -35,11 +35,9 @@ def quantities(lines: pd.DataFrame) -> Iterator[Quantity]:
         values = updates.groupby("seed").new.mean().tolist()
         if values:
             least = estimates.least_variance(values, n_test)
-            yield Quantity.of(
+            yield Quantity(
                 f"drift/{name}_accuracy",
                 estimates.one_sensor(values, least).within(0, 1),
-                estimates.ONE_SENSOR,
-                100,
                 n=n_test * len(values),
                 seeds=len(values),
                 note="new samples first in time" if name == "recovered" else "",
@@ -118,5 +116,5 @@ STUDY = Study(
             f"anew on {N_NEW} labelled frames. New frames come before those tested.",
         ),
     ],
-    numbers=[Numbers(quantities, of=["drift"])],
+    numbers={"drift": quantities},
 )

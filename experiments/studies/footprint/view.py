@@ -36,10 +36,8 @@ def footprint(frame: pd.DataFrame) -> pd.DataFrame:
     return found.reset_index()[[*CASE[:3], *found.columns, *CASE[3:]]]
 
 
-def packages(frame: pd.DataFrame) -> pd.DataFrame | None:
+def packages(frame: pd.DataFrame) -> pd.DataFrame:
     """A row per scene, model and package: medians over the repetitions, the largest first."""
-    if "package" not in frame:
-        return None  # of revision 2
     found = frame.groupby(["scene", "model", "package"])[OF_PACKAGE].median()
     by_size = {"ascending": [True, True, False], "kind": "stable"}
     return found.reset_index().sort_values(

@@ -19,7 +19,6 @@ from experiments.reporting.columns import (
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.forms import FORMS
 from experiments.reporting.resamples import (
-    RIVAL,
     accuracies,
     models_of,
     over_units,
@@ -28,7 +27,6 @@ from experiments.reporting.resamples import (
 from experiments.reporting.table import ENDS, Table
 from experiments.reporting.text import (
     kind_of,
-    number,
     percent,
     points,
     size,
@@ -150,17 +148,10 @@ def decomposition(frame: pd.DataFrame) -> pd.DataFrame:
         every = Accuracies(rows)
         n = every.sizes[-1]
         for step in STEPS:
-            # One of them may have been asked in fewer draws than the other.
-            both = every.pair(step.before, step.after, n)
-            if not len(both):
-                continue
             line = {"recording": scene, "n": n, "step": step.name}
-            line |= {"before": step.before, "after": step.after}
-            line |= {"before_accuracy": both[step.before].mean()}
-            line |= {"after_accuracy": both[step.after].mean()}
             change = every.difference(step.after, step.before, n)
             table.append(line | change.columns("change"))
-    return pd.DataFrame(table)
+    return pd.DataFrame(table).dropna(subset="change")
 
 
 # Errors and run times -----------------------------------------------------------------------------
@@ -171,8 +162,7 @@ TIMES = ("fit", "predict_frame")
 
 def costs(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each recording, number of frames and model: error, stored bytes, seconds by NumPy
-    and by the compiled kernels, and the smaller of both relative to converged softmax on grey
-    values of the same frames."""
+    and by the compiled kernels, and the smaller of both."""
     parts = list(by_scene(of_experiment(frame, "recording_costs")).values())
     if not parts:
         return pd.DataFrame()
@@ -189,12 +179,6 @@ def costs(frame: pd.DataFrame) -> pd.DataFrame:
         data = data.reindex(columns=[*data, *set(both) - set(data)])
         data[f"{time}_best_s"] = data[both].min(axis="columns")
         columns += [*both, f"{time}_best_s"]
-    at = ["recording", "n"]
-    of_rival = data[data.model == RIVAL].set_index(at)
-    for time in TIMES:
-        rival = data[at].apply(tuple, axis="columns").map(of_rival[f"{time}_best_s"])
-        data[f"{time}_relative"] = data[f"{time}_best_s"] / rival
-        columns.append(f"{time}_relative")
     return data[columns]
 
 
@@ -205,16 +189,6 @@ def at_most_frames(frame: pd.DataFrame) -> pd.DataFrame:
         return known
     known = known.dropna(subset="error")
     return known[known.n == known.groupby("recording").n.transform("max")]
-
-
-def _of_either(time: str, show: Any) -> Any:
-    """Text of a time by NumPy, and by the compiled kernels where the model has them."""
-
-    def cell(row: Mapping[str, Any]) -> str:
-        text, compiled = show(row[f"{time}_s"]), row.get(f"{time}_compiled_s")
-        return text if compiled is None else f"{text}; compiled {show(compiled)}"
-
-    return cell
 
 
 TABLES = [
@@ -237,10 +211,6 @@ TABLES = [
             "recording": ABOUT["recording"],
             "n": ABOUT["n"],
             "step": Column("Step"),
-            "before": Column("From", display_name),
-            "after": Column("To", display_name),
-            "before_accuracy": Column("From, %", percent),
-            "after_accuracy": Column("To, %", percent),
             "change": Column("Change, percentage points", points),
         },
         note=f"{NOTE} Every step changes the encoder or the read-out alone; at the most frames per "
@@ -257,26 +227,21 @@ TABLES = [
             "n": ABOUT["n"],
             "model": Column("Model", display_name),
             "error": Column("Error, %", percent),
-            "fit_s": Column(
-                "Training, s", cell=_of_either("fit", number), of_machine=True
-            ),
-            "predict_frame_s": Column(
-                "Prediction, ms per frame",
-                cell=_of_either("predict_frame", milliseconds),
-                of_machine=True,
+            "fit_best_s": Column("Training, s", of_machine=True),
+            "predict_frame_best_s": Column(
+                "Prediction, ms per frame", milliseconds, of_machine=True
             ),
             "bytes": Column("To predict", size),
             "bits": Column("Bits per pixel and class", two_digits),
         },
         shown=(
-            *("recording", "n", "model", "error", "fit_s", "predict_frame_s", "bytes"),
-            "bits",
+            *("recording", "n", "model", "error", "fit_best_s", "predict_frame_best_s"),
+            *("bytes", "bits"),
         ),
         note="To predict: the bytes that a prediction needs; a file has more. Times: one "
         "process, frames in memory and nothing computed of them before, the least of several "
-        "interleaved repetitions; by NumPy, and by the compiled kernels where the model has them; "
-        "prediction in batches of 100 frames. Relative to softmax: by the faster implementation, "
-        "over converged softmax on grey values. Error: by the held-out split, mean over the same "
+        "interleaved repetitions, by the compiled kernels where they are faster than NumPy; "
+        "prediction in batches of 100 frames. Error: by the held-out split, mean over the same "
         "draws for all models.",
         key=("recording", "n", "model"),
     ),

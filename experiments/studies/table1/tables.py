@@ -12,15 +12,13 @@ from experiments.records.results import CHECKPOINTS, ROW, RUNS, of_experiment
 from experiments.reporting import estimates, published
 from experiments.reporting.estimates import median_range
 from experiments.reporting.resamples import RIVAL
-from experiments.reporting.trained import asked_for, extra_models, of_runs, whole
+from experiments.reporting.trained import extra_models, of_runs, whole
 
 OF = (RUNS, CHECKPOINTS)
 RATIO, AT_PAPERS = "training_time_over_hdc", "test_accuracy_at_papers"
-OVER_NUMPY = "training_time_over_numpy_hdc"
 AT_LEAST = "at_least_over_hdc"
 DISTURBED, _REASON = "disturbed", "load.disturbed"  # columns of a table, of runs
 BESIDE_HDC = "beside.hdc_s"
-_BESIDE = {RATIO: BESIDE_HDC, OVER_NUMPY: "beside.hdc_numpy_s"}
 
 PAPER = published.models_of_table1()
 DESCENT = "softmax_descent"  # another recipe for the paper's softmax row
@@ -40,15 +38,13 @@ def papers_row(model: str) -> str:
 
 
 def papers_numbers(model: str) -> dict[str, Any]:
-    """Training time, absolute and relative to HDC, and test accuracy in the row of the paper's
-    Table I; None where it has none."""
-    row = f"table1/{papers_row(model)}"
-    time = published.value(f"{row}_training_time")
-    hdc = published.value("table1/hdc_training_time")
+    """Training time relative to HDC and test accuracy in the row of the paper's Table I; None where
+    it has none."""
+    row = papers_row(model)
+    ratio = published.value(f"table1/{row}_time_over_hdc")
     return {
-        "published_training_time_s": time,
-        "published_training_time_over_hdc": time / hdc if time and hdc else None,
-        "published_test_accuracy": published.value(f"{row}_test_accuracy"),
+        "published_training_time_over_hdc": 1.0 if row == "hdc" else ratio,
+        "published_test_accuracy": published.value(f"table1/{row}_test_accuracy"),
     }
 
 
@@ -58,23 +54,22 @@ def papers_training_accuracy(model: str) -> float | None:
 
 
 def table1(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """Table I, and below it the same softmax regression solved directly and one's own models; None
-    where none was run."""
+    """A row for each model of Table I that was run, below it the same softmax regression solved
+    directly and one's own models; None where none was run."""
     runs = on_scene(of_experiment(frame, RUNS))
     names = [*LINES, *extra_models(runs, scene())]
-    if not runs.model.isin(names).any():
+    runs = runs[runs.model.isin(names)]
+    if not len(runs):
         return None
-    asked = [(scene(), model, 0, 0) for model in names]
-    table = asked_for(of_runs(runs), asked).set_index("model", drop=False)
-    always = {*PAPER, DESCENT}
-    table = table[table.seeds.astype(bool) | table.model.isin(always)]
+    table = of_runs(runs).drop(columns=ROW[2:]).set_index("model", drop=False)
+    table = table.loc[[name for name in names if name in table.index]]
     reports = of_experiment(frame, CHECKPOINTS)
     rows = [
         papers_numbers(model) | _measured(runs[runs.model == model], reports)
         for model in table.model
     ]
     beside = pd.DataFrame(rows, index=table.index, dtype=object)
-    return pd.concat([table, beside], axis="columns").drop(columns=ROW[2:])
+    return pd.concat([table, beside], axis="columns")
 
 
 def on_scene(runs: pd.DataFrame) -> pd.DataFrame:
@@ -84,8 +79,6 @@ def on_scene(runs: pd.DataFrame) -> pd.DataFrame:
 
 def _measured(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:
     """The columns that only Table I has: relative times, accuracies, and the disturbance."""
-    if not len(runs):
-        return {}
     made = {**_relative_times(runs), **_at_papers(runs, reports)}
     return made | ({DISTURBED: why} if (why := disturbed(runs)) else {})
 
@@ -102,21 +95,17 @@ def disturbed(runs: pd.DataFrame) -> str:
 
 
 def _relative_times(runs: pd.DataFrame) -> dict[str, float]:
-    """Medians over seeds of the training time relative to HDC that was trained just before and just
-    after, and to HDC by NumPy's median; for a training that never reached 90 %, a lower bound."""
+    """Median over seeds of the training time relative to HDC that was trained just before and just
+    after; for a training that never reached 90 %, a lower bound."""
     if runs.model.iloc[0] == "hdc":
         return {RATIO: 1.0}
-    found: dict[str, float] = {}
-    for name, beside in _BESIDE.items():
-        if beside not in runs or runs[beside].isna().all():
-            continue
-        timed = runs.dropna(subset=beside)
-        ratios = (timed.training_time_s / timed[beside]).tolist()
-        if math.inf not in ratios:
-            found |= median_range(ratios).columns(name)
-        elif name == RATIO:
-            found[AT_LEAST] = float((timed.total_time_s / timed[beside]).median())
-    return found
+    if BESIDE_HDC not in runs or runs[BESIDE_HDC].isna().all():
+        return {}
+    timed = runs.dropna(subset=BESIDE_HDC)
+    ratios = (timed.training_time_s / timed[BESIDE_HDC]).tolist()
+    if math.inf not in ratios:
+        return median_range(ratios).columns(RATIO)
+    return {AT_LEAST: float((timed.total_time_s / timed[BESIDE_HDC]).median())}
 
 
 def _at_papers(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:

@@ -10,8 +10,9 @@ import pandas as pd
 
 from experiments.records.results import of_experiment, own_frames
 from experiments.reporting.columns import Column, display_name
+from experiments.reporting.estimates import Estimate
 from experiments.reporting.study import RUN, Quantity
-from experiments.reporting.table import ENDS, Table, records
+from experiments.reporting.table import ENDS, Table
 from experiments.reporting.text import counted, number, percent, two_digits
 from experiments.reporting.trained import same
 from experiments.studies.table1.tables import PAPER
@@ -83,21 +84,14 @@ def busy(frame: pd.DataFrame) -> pd.DataFrame:
 def quantities(frame: pd.DataFrame) -> Iterator[Quantity]:
     """Training times relative to HDC of fits that are timed alone, by the fewest threads."""
     table = times(frame).dropna(subset="over_hdc").drop_duplicates("model")
-    for line in records(table[table.model.isin(PAPER) & (table.model != "hdc")]):
-        by = f"fits, {counted(line['threads'], 'thread')}"
-        n = line["fits"] - line["disturbed"]
-        about = {"condition": by, "n": n, "made_by": f"{RUN}{NAME}"}
-        yield over_hdc(line, "over_hdc", "measurements", **about)
-
-
-def over_hdc(line: Line, column: str, interval: str, **about: Any) -> Quantity:
-    """The training time of a model relative to HDC, as the paper has it too: a column with its
-    bounds."""
-    ratio, low, high = (line[f"{column}{end}"] for end in ENDS)
-    known = interval if low is not None else ""
-    note = "" if line["model"] == "softmax" else "the network's sizes are ours"
-    name = f"table1/{line['model']}_time_over_hdc"
-    return Quantity(name, ratio, low, high, known, note=note, **about)
+    of_paper = table[table.model.isin(PAPER) & (table.model != "hdc")]
+    for line in of_paper.itertuples():
+        yield Quantity(
+            f"table1/{line.model}_time_over_hdc",
+            Estimate(line.over_hdc, line.over_hdc_low, line.over_hdc_high),
+            n=line.fits - line.disturbed,
+            note=counted(line.threads, "thread"),
+        )
 
 
 # Shown --------------------------------------------------------------------------------------------
@@ -129,38 +123,29 @@ NOTE = (
 )
 
 
-def note(data: pd.DataFrame) -> str:
-    """The rules of the clock, and the times of processes of their own."""
-    cold = data[data.threads == 1].dropna(subset="cold_s")
-    times = [
-        f"{display_name(model)} {two_digits(seconds)} s"
-        for model, seconds in zip(cold.model, cold.cold_s, strict=True)
-    ]
-    of_cold = (
-        " In a process of its own, from its start with reading the frames and without a pause, by "
-        f"one thread: {'; '.join(times)}."
-    )
-    return NOTE + (of_cold if times else "")
-
-
 TABLE = Table(
     NAME,
     times,
     of=NAME,
     key=("model", "threads"),
     title=lambda data: f"Training times on the frames of Table I, {data.cpu.iloc[0]}",
-    note=note,
+    note=NOTE,
     shown=(
         *("model", "threads", "fit_s", "cpu_s", *RATIOS),
-        *("train_accuracy", "fits"),
+        *("fits", "cold_s"),
     ),
     columns={
         "threads": Column("Threads"),
         "fit_s": Column("Time, s", two_digits, of_machine=True),
         "cpu_s": Column("of the processor, s", two_digits, of_machine=True),
         **{name: _ratio(name) for name in RATIOS},
-        "train_accuracy": Column("Training accuracy, %", percent),
         "fits": Column("Fits", cell=_fits),
+        "cold_s": Column(
+            "In a process of its own, s",
+            two_digits,
+            note="A process of its own: from its start, with reading the frames and no pause.",
+            of_machine=True,
+        ),
     },
     commands=(f"{RUN}{NAME}", f"{RUN}{NAME} task.measurement=2"),
 )

@@ -1,7 +1,7 @@
 """Table I, and error against run time.
 
 Table I and training times that are measured alone rest on other records, and have a file each:
-``tables`` and ``times``. ``numpy_hdc`` is a model, and ``cold`` is run as a process of its own.
+``tables`` and ``times``. ``cold`` is run as a process of its own.
 """
 
 from __future__ import annotations
@@ -11,21 +11,18 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.records.results import RUNS, of_experiment
+from experiments.records.results import RUNS
 from experiments.reporting import estimates
 from experiments.reporting.columns import Column, display_name
-from experiments.reporting.estimates import ONE_SENSOR
-from experiments.reporting.study import RUN, Numbers, Quantity, Study
+from experiments.reporting.study import RUN, Quantity, Study
 from experiments.reporting.table import Table, records
-from experiments.reporting.text import counted, number, percent, two_digits
+from experiments.reporting.text import number, percent, two_digits
 from experiments.reporting.trained import caption
 from experiments.studies.table1 import figure, tables, times
 from experiments.studies.table1.tables import (
     AT_LEAST,
     AT_PAPERS,
-    BESIDE_HDC,
     DISTURBED,
-    OVER_NUMPY,
     PAPER,
     RATIO,
 )
@@ -33,7 +30,6 @@ from experiments.studies.table1.tables import (
 KEY = ("scene", "model", "n_train", "pixels")
 # The rules that end a training before its loss has converged.
 NOT_FINISHED = ("budget", "steps", "diverged")
-NOT_MEASURED = "not measured yet"
 Cells = Mapping[str, Any]
 
 
@@ -43,8 +39,6 @@ Cells = Mapping[str, Any]
 def _time(cells: Cells) -> str:
     """Seconds; of a training that never reached 90 %, how long it was given, and where it stood;
     why they do not count, if something disturbed them."""
-    if not cells["seeds"]:
-        return NOT_MEASURED
     reason = cells.get(DISTURBED)
     # Of several seeds only how many; the CSV has every reason.
     mark = f" (disturbed: {reason.partition(': ')[0]})" if reason else ""
@@ -63,9 +57,7 @@ def _ratio(cells: Cells) -> str:
 
 def _at_papers(cells: Cells) -> str:
     """Test accuracy with its interval, and how many seeds it is of where not all got there."""
-    got_there = cells.get("seeds_at_papers")
-    if not cells["seeds"] or got_there is None:
-        return "–"
+    got_there = cells["seeds_at_papers"]
     level = cells["published_training_accuracy"]
     if not got_there and level is not None:
         return f"not reached: {percent(cells['train_accuracy_final'])} % in training"
@@ -84,88 +76,26 @@ def _at_end(cells: Cells) -> str:
 
 
 def note(data: pd.DataFrame) -> str:
-    """Below Table I: what the paper's training accuracies are, how the models end, and the forms of
-    softmax relative to HDC as the paper may have computed it."""
-    rows = records(data)
-    levels = [(model, tables.papers_training_accuracy(model)) for model in PAPER]
-    softmax = [r for r in rows if tables.papers_row(r["model"]) == "softmax"]
-    told = {
-        "The paper's training accuracies": [
-            f"{display_name(model)} {percent(level)} %"
-            for model, level in levels
-            if level
-        ],
-        "Test accuracy at the end of training (%)": [
-            f"{display_name(r['model'])} {_at_end(r)}" for r in rows if r["seeds"]
-        ],
-        "Time relative to HDC by numpy.median": [
-            f"{display_name(r['model'])} {two_digits(r[OVER_NUMPY])}"
-            for r in softmax
-            if r.get(OVER_NUMPY)
-        ],
-    }
-    return " ".join(f"{of}: {'; '.join(known)}." for of, known in told.items() if known)
-
-
-# Numbers of the paper -----------------------------------------------------------------------------
-
-
-def quantities(frame: pd.DataFrame) -> Iterator[Quantity]:
-    """Times and accuracies of Table I, in seconds and percent, and the learning rate."""
-    table = tables.table1(frame)
-    runs = tables.on_scene(of_experiment(frame, RUNS))
-    runs = runs[runs.model.isin(PAPER)]
-    for line in records(table) if table is not None else []:
-        own = runs[runs.model == line["model"]]
-        if len(own):
-            yield from _of_model(line, own)
-            if line["model"] != "hdc" and line.get(RATIO) is not None:
-                n, command = len(own.dropna(subset=BESIDE_HDC)), own.command.iloc[0]
-                about = {"condition": "by default", "n": n, "made_by": command}
-                yield times.over_hdc(line, RATIO, "median over runs", **about)
-    yield from _learning_rate(runs)
-
-
-def _of_model(line: Cells, own: pd.DataFrame) -> Iterator[Quantity]:
-    name, n_runs = f"table1/{line['model']}", line["seeds"]
-    about: dict[str, Any] = {
-        "seeds": n_runs,
-        "made_by": " && ".join(dict.fromkeys(own.command)),
-    }
-    note = (
-        f"median; {line['cpu']}, {counted(line['threads'], 'thread')}; paper: Apple M1"
+    """Below Table I: what the paper's training accuracies are, and how the models end."""
+    levels = [
+        f"{display_name(model)} {percent(level)} %"
+        for model in PAPER
+        if (level := tables.papers_training_accuracy(model))
+    ]
+    ends = [f"{display_name(row['model'])} {_at_end(row)}" for row in records(data)]
+    return (
+        f"The paper's training accuracies: {'; '.join(levels)}. "
+        f"Test accuracy at the end of training (%): {'; '.join(ends)}."
     )
-    time = line["training_time_s"]
-    if line["at_least_s"] is not None:
-        time = f"> {number(line['at_least_s'])}"
-    yield Quantity(f"{name}_training_time", time, n=n_runs, note=note, **about)
-    if line["model"] == "hdc":
-        share, n = estimates.share_of_one_sensor(own), line["n_test"]
-        yield Quantity.of(f"{name}_test_accuracy", share, ONE_SENSOR, 100, n=n, **about)
-        classes = line["n_classes"]
-        yield Quantity("touch/labels", classes, made_by=f"{RUN}table1")
-        return
-    for kind, called, n in (
-        ("train", "training", line["n_train"] * n_runs),
-        ("test", "test", line["n_test"]),
-    ):
-        best = line[f"{kind}_accuracy_max"]
-        final = line[f"{kind}_accuracy_final"]
-        if best is not None:
-            note = f"maximum of a run, as published; {100 * final:.4g} % at its end"
-            told = {"n": n, "note": note, **about}
-            yield Quantity(f"{name}_{called}_accuracy", 100 * best, **told)
 
 
-def _learning_rate(runs: pd.DataFrame) -> Iterator[Quantity]:
-    """That of the iterative models, where it is one."""
-    rates = runs["model.lr"].dropna().unique() if "model.lr" in runs else []
-    if len(rates) == 1:
+def quantities(runs: pd.DataFrame) -> Iterator[Quantity]:
+    """The test accuracy of HDC."""
+    own = tables.on_scene(runs[runs.model == "hdc"])
+    if len(own):
+        share = estimates.share_of_one_sensor(own)
         yield Quantity(
-            "table1/learning_rate",
-            float(rates[0]),
-            note="softmax and CNNs",
-            made_by=f"{RUN}table1",
+            "table1/hdc_test_accuracy", share, int(own.n_test.sum()), len(own)
         )
 
 
@@ -221,8 +151,5 @@ STUDY = Study(
     front=True,
     tables=[times.TABLE, TABLE1, times.BUSY_TABLE],
     figures=[figure.FIGURE],
-    numbers=[
-        Numbers(quantities, of=tables.OF),
-        Numbers(times.quantities, of=[times.NAME]),
-    ],
+    numbers={RUNS: quantities, times.NAME: times.quantities},
 )

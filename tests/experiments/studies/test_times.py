@@ -15,8 +15,6 @@ from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context
 from experiments.studies.table1 import measure
 from experiments.studies.table1.measure import NOT_REACHED, Samples, Times, fit
-from experiments.studies.table1.numpy_hdc import NumpyHDC
-from hdc import HDCClassifier, bits
 from tests.experiments import composed
 from tests.experiments.golden_items import SMALL_SENSOR
 
@@ -28,17 +26,6 @@ OTHERS = "others took 50% of the processor time"
 def samples(frames_and_labels):
     frames, labels = frames_and_labels(60, 3, 12)
     return Samples(torch.from_numpy(frames), labels)
-
-
-def test_hdc_by_numpy_has_the_prototypes_of_ours_but_for_ties(samples):
-    ours = HDCClassifier().fit(samples.frames, samples.labels)
-    theirs = NumpyHDC()
-    assert list(theirs.train(samples.frames, samples.labels)) == [{"samples_seen": 60}]
-    expected = bits.unpack(ours.prototypes_, 144).numpy()
-    assert (
-        theirs.prototypes_ != expected
-    ).mean() < 0.1  # 20 frames per class tie at times
-    assert (theirs.predict(samples.frames) == samples.labels).all()
 
 
 # Fits and groups, by made-up clocks ---------------------------------------------------------------
