@@ -172,10 +172,12 @@ def test_timed_steps_run_first_and_alone_the_others_side_by_side(step, tmp_path)
 
 
 def call(folder, *found):
-    """A process, the first of its group, that carries out steps."""
+    """A process, the first of its group, that carries out steps and can be interrupted."""
 
     def carry_out():
         os.setsid()
+        # A job in the background, which these tests may be, ignores an interrupt.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         sys.exit(make.run(found, "full", folder, console()))
 
     process = multiprocessing.get_context("fork").Process(target=carry_out)

@@ -76,6 +76,26 @@ def test_a_curve_is_read_where_it_first_exceeds_the_target_and_at_its_largest(
     assert entry.results.items() >= expected.items()
 
 
+@pytest.mark.parametrize("loss", [np.nan, np.inf])
+def test_a_model_whose_loss_is_not_finite_is_tested_at_its_end_alone(
+    carry_out, fake, loss
+):
+    asked = []
+
+    def predict(self, frames):
+        asked.append(len(frames))
+        return np.zeros(len(frames), np.int64)
+
+    reports = [{"samples_seen": k, "steps": k, "loss": loss} for k in (1, 2)]
+    fake(*reports, predict=predict)
+    entry = carry_out()
+    (row,) = entry.curve
+    assert (entry.results["stop"], row["samples_seen"]) == ("diverged", 1)
+    assert not {"loss", "train_accuracy", "test_accuracy"} & set(row)
+    # One in the warm-up, then the training frames and the test frames, once.
+    assert asked[:3] == [2, 40, 10]
+
+
 # Many frames --------------------------------------------------------------------------------------
 
 
