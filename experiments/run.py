@@ -55,8 +55,8 @@ _CHAINED = "set env var HYDRA_FULL_ERROR=1 to see chained exception."
 _OF_NO_USER = ("See https:", "object_type=")
 # Keys that say how any task is carried out.
 _OF_ANY = ("device", "threads", "exclusive", "cache", "force", "experiment")
-# What an experiment may set of its runs; and its default that says which frames there are.
-_PARTS, _SCENE = ("scene", "split", "model", "stop"), "override /scene"
+# What an experiment may set of its runs.
+_PARTS = ("scene", "split", "model", "stop")
 
 
 def run(*overrides: str) -> Record:
@@ -209,10 +209,7 @@ def _asked(hydra_cfg: Any) -> Asked:
     keys = [_key(word) for word in hydra_cfg.overrides.task]
     file = _experiment(choices.get("experiment"), hydra_cfg)
     keys += configs.flat({part: file[part] for part in _PARTS if part in file})
-    chosen = {_SCENE: "touch"}  # as configs/config.yaml
-    for entry in file.get("defaults", ()):
-        chosen |= entry if isinstance(entry, dict) else {}
-    return Asked(choices, keys, bool(file) and choices.get("scene") != chosen[_SCENE])
+    return Asked(choices, keys)
 
 
 def _experiment(name: str | None, hydra_cfg: Any) -> dict[str, Any]:

@@ -35,7 +35,7 @@ NOT_IDENTITY = (
     *("disturbed", "sessions"),  # the latter: what the scene has in itself
 )
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
-# Keys of an experiment that say which frames there are, and which of them test.
+# Keys that say which frames there are, and which of them test.
 _OF_FRAMES = ("scene.", "split.", "old_split.")
 _GROUPS = ("scene", "model", "stop")  # of configs/, that make a training
 _ORDER = {"scene": 0, "split": 1, "model": 2, "stop": 3}  # of what was changed
@@ -49,12 +49,10 @@ class Asked:
     Attributes:
         choices: name of the file that each group of ``configs/`` was composed from.
         keys: dotted, that the command line or the experiment's file set.
-        other_scene: whether the scene is not that of the experiment's file.
     """
 
     choices: Mapping[str, str | None]
     keys: Sequence[str] = ()
-    other_scene: bool = False
 
 
 def carry_out(config: Config, asked: Asked, console: Console) -> tuple[Record, bool]:
@@ -138,8 +136,6 @@ def _begun(
         name = experiment = experiment or kind.__name__
         about["task"] = target = f"{kind.__module__}.{kind.__qualname__}"
         about["revisions"] = revisions({"_target_": target, **own})
-        others = asked.other_scene or any(map(_is_of_frames, asked.keys))
-        about["elsewhere"] = has_scene and others
     if has_scene:
         about["scene"] = Named(scene, scene, config.get("scene_display") or {})
     determining = own if device == "cpu" else {**own, "device": device}
@@ -156,13 +152,6 @@ def _begun(
         status="interrupted",
         **about,
     )
-
-
-def _is_of_frames(key: str) -> bool:
-    """Whether a key says which frames there are, or which of them test; seeds do not."""
-    key = key.removeprefix("task.")
-    same = key == "scene.path" or key.rpartition(".")[2] in configs.SEEDS
-    return key.startswith(_OF_FRAMES) and not same
 
 
 def _changed(own: Config, keys: Sequence[str]) -> dict[str, str]:
@@ -229,9 +218,7 @@ def _ended(begun: Record, rows: Sequence[Row], **ended: Any) -> Record:
         label = labelled(model.name, of_model)
         model = Named(model.name, label, model.display)
     if scene:
-        of_scene = {
-            k: v for k, v in changed.items() if k.startswith(("scene.", "split."))
-        }
+        of_scene = {k: v for k, v in changed.items() if k.startswith(_OF_FRAMES)}
         name = scene.name
         if name == "recorded":  # whatever the name of the file, by what is in it
             path = PurePath(begun.config["scene"]["path"])

@@ -53,7 +53,6 @@ class Record(msgspec.Struct, kw_only=True, omit_defaults=True):
         config: everything that determines the rows, resolved, as Hydra composed it.
         changed: values that the command line or the file of an experiment set, by key, as JSON; but
             for seeds, and for what a table asks for by number.
-        elsewhere: whether frames, or which of them test, are others than the experiment's file has.
         timed: whether its rows have times; ``environment`` says whether it had the machine alone.
         command: that a user typed.
         data: digest of everything that determines its frames.
@@ -77,7 +76,6 @@ class Record(msgspec.Struct, kw_only=True, omit_defaults=True):
     stop: str = ""
     config: dict[str, Any]
     changed: dict[str, str] = {}
-    elsewhere: bool = False
     timed: bool = False
     command: str = ""
     data: str = ""

@@ -48,14 +48,13 @@ def nothing_called():
 
 @pytest.fixture
 def count(results, one_thread):
-    """count(*words, keys, other_scene, **task) → the record of Counting, whether it was there, and
-    what was printed."""
+    """count(*words, **task) → the record of Counting, whether it was there, what was printed."""
 
-    def call(*words, keys=(), other_scene=False, **task):
+    def call(*words, **task):
         cfg = composed("threads=1", "exclusive=false", *words)
         cfg["task"] = {"_target_": f"{__name__}.Counting", **task}
         choices = {"scene": "touch", "experiment": "numbers"}
-        return carried_out(cfg, runner.Asked(choices, keys, other_scene))
+        return carried_out(cfg, runner.Asked(choices))
 
     return call
 
@@ -152,21 +151,6 @@ def test_what_was_set_is_in_the_record_frames_first(keys, expected):
     }
     found = runner._changed(config, keys.split())
     assert list(found.items()) == list(expected.items())
-
-
-@pytest.mark.parametrize(
-    ("about", "other"),
-    [
-        ({"other_scene": True}, True),
-        ({"keys": ["task.scene.n"]}, True),
-        ({"keys": ["scene.path", "scene.sensor.sampling_seed"]}, False),
-    ],
-    ids=str,
-)
-def test_other_frames_are_another_scene_or_split(count, about, other):
-    made, *_ = count(scene=SENSOR, **about)
-    assert made.elsewhere is other
-    assert not count(other_scene=True, most=3)[0].elsewhere  # there is no scene
 
 
 # What names it ------------------------------------------------------------------------------------
