@@ -19,18 +19,11 @@ from experiments.protocol.checkpoints import Checkpoints, Due
 from experiments.protocol.clock import Clock, timed
 from experiments.protocol.load import Limits, Watch
 from experiments.protocol.model import Model, check_model, instantiate
-from experiments.protocol.settings import (
-    Data,
-    Seeds,
-    Split,
-    check_arguments,
-    check_device,
-)
+from experiments.protocol.settings import Data, Seeds, Split
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context, Row, Task
 from experiments.protocol.trial import Report, Trial, train, warm_up
-from experiments.records.files import results_dir
 from experiments.records.rows import pack_labels
 from hdc.accuracy import accuracy
 from scenes.frames import Scene
@@ -87,11 +80,6 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
     device: Any = "cpu"
     beside: dict[str, dict[str, Any]]
     disturbed: Limits | None = None
-
-    def __post_init__(self) -> None:
-        check_arguments(self.scene, "scene")
-        check_arguments(self.model, "model")
-        check_device("model.device", self.model.get("device", "cpu"))
 
     @functools.cached_property
     def built(self) -> Scene:
@@ -184,10 +172,9 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
         """The training and the test samples."""
         scene, chosen = self.built, choose(self.built, self.split, self.seed.split)
         if context.cache:
-            folder = results_dir() / "cache"
-            scene = data.cached(scene, folder, context.console, self.scene)
+            scene = data.cached(scene, self.scene, context.console)
         if self.data.pixels is not None:
-            scene = data.PixelSubset(scene, self.data.pixels, self.seed.pixels)
+            scene = data.pixel_subset(scene, self.data.pixels, self.seed.pixels)
         for indices in chosen:
             frames = data.take(scene, indices, clock)
             yield Samples(indices, scene.labels[indices], frames)

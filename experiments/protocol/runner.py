@@ -96,7 +96,7 @@ def carry_out(config: Config, asked: Asked, console: Console) -> tuple[Record, b
             return found, True
         held = machine.held(threads, how.device, console)
         alone: AbstractContextManager[None] = held if how.exclusive else nullcontext()
-        with alone, machine.libraries(own, threads) as here.libraries:
+        with alone, machine.limited(own, threads):
             return _made(task, begun, how, console, folder), False
 
 

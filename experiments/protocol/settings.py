@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
 import math
-import pkgutil
 import re
 import types
 import typing
@@ -162,38 +160,3 @@ def check_device(key: str, name: Any) -> None:
         gpus = [f"cuda:{k}" for k in range(torch.cuda.device_count())]
         there = ", ".join(["cpu", *gpus])
         raise ValueError(f"{key}: expected one of {there}, found {name!r}") from error
-
-
-def check_arguments(config: Any, key: str) -> None:
-    """Refuse a text where what a ``_target_`` names takes a number: models fail of it late, or not.
-
-    Raises:
-        ValueError: naming the key.
-    """
-    if not isinstance(config, Mapping):
-        return
-    kinds = _argument_types(str(config.get("_target_", "")))
-    for name, value in config.items():
-        if isinstance(value, str) and name in kinds:
-            _check_text(value, kinds[name], f"{key}.{name}")
-        check_arguments(value, f"{key}.{name}")
-
-
-def _argument_types(target: str) -> dict[str, Any]:
-    """Annotations of the arguments of a class or function; of one that cannot be had, none."""
-    try:
-        part = pkgutil.resolve_name(target)
-        call = part.__init__ if inspect.isclass(part) else part
-        return typing.get_type_hints(call)
-    except (ImportError, AttributeError, ValueError, NameError, TypeError):
-        return {}
-
-
-def _check_text(value: str, kind: Any, key: str) -> None:
-    try:
-        msgspec.convert(value, kind)
-    except msgspec.ValidationError as error:
-        text = f"{key}: {_expected(str(error))}, found {value!r}"
-        raise ValueError(text) from error
-    except TypeError:  # a type that texts are not compared with
-        return

@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from experiments.records import names, revision
+from experiments.records import revision
 from experiments.records.environment import Environment, changes
 from experiments.records.revision import Revisions
 from experiments.records.rows import Row, Rows, unpack_labels
@@ -161,8 +161,7 @@ def _check(results: Row) -> None:
 
 def name_of(name: str, config: Mapping[str, Any], data: str) -> str:
     """Name of a record: what it is, and a hash of everything that determines it."""
-    determining = [names.of_version_3_0(config), data]
-    text = json.dumps(determining, sort_keys=True, default=str)
+    text = json.dumps([config, data], sort_keys=True, default=str)
     return f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
 

@@ -21,7 +21,7 @@ from experiments.records.rows import Rows, pack_labels
 from tests.experiments.composed import tree
 
 FINGERPRINT = "f" * 64
-MADE_ON = {"cpu": "A CPU", "threads": 2, "commit": "c" * 40, "dirty": False}
+MADE_ON = {"cpu": "A CPU", "threads": 2, "commit": "c" * 40}
 
 
 def run(

@@ -20,10 +20,6 @@ from experiments.protocol.settings import checked
         ("+stop.colour=0", r"stop\.colour: expected one of target, reached_after_s"),
         ("exclusive=no", r"exclusive: expected true or false, found 'no'"),
         ("device=cuda:7", r"device: expected one of cpu.*, found 'cuda:7'"),
-        (
-            "model.readout.random_state=abc",
-            r"model\.readout\.random_state: expected an integer, found 'abc'",
-        ),
     ],
 )
 def test_a_wrong_value_is_named_by_its_key(carry_out, override, message):
