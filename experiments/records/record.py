@@ -163,9 +163,3 @@ def name_of(name: str, config: Mapping[str, Any], data: str) -> str:
     """Name of a record: what it is, and a hash of everything that determines it."""
     text = json.dumps([config, data], sort_keys=True, default=str)
     return f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
-
-
-def labelled(name: str, changed: Mapping[str, str]) -> str:
-    """A name, and in brackets what was changed."""
-    values = [f"{key.partition('.')[2]}={value}" for key, value in changed.items()]
-    return f"{name} ({', '.join(values)})" if values else name

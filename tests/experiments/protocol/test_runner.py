@@ -75,7 +75,7 @@ def test_a_training_says_what_it_was_and_what_came_out(
     found = entry.results
     assert entry.status == found["stop"] == "finished"
     assert found["origin"] == "recorded"
-    assert (found["n_train"], found["n_test"], found["n_samples"]) == (40, 10, 50)
+    assert (found["n_train"], found["n_test"]) == (40, 10)
     here = msgspec.structs.replace(environment("cpu", 1), exclusive=False)
     assert (entry.environment, entry.timed) == (here, True)
     assert not set(runner.NOT_IDENTITY) & set(entry.config)

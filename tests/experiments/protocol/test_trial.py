@@ -66,8 +66,7 @@ def test_a_curve_is_read_where_it_first_exceeds_the_target_and_at_its_largest(
     entry = carry_out()
     times = [row["training_s"] for row in entry.curve]
     expected = {
-        "time_to_target_train_s": times[1],
-        "time_to_target_test_s": times[2],
+        "training_time_s": times[1],
         "train_accuracy_at_target": 0.91,
         "test_accuracy_at_target": 0.8,
         "train_accuracy_max": 1.0,
@@ -118,7 +117,7 @@ def test_too_many_frames_are_read_in_parts_and_give_the_same_record(
     monkeypatch.setattr(data.LazyFrames, "__getitem__", counted)
     lazy = carry_out(*words, scene=path)
     assert 0 < max(asked) <= most
-    for key in ("predicted", "test_set", "train_set", "train_accuracy_max"):
+    for key in ("predicted", "test_set", "train_accuracy_max"):
         assert lazy.results[key] == whole.results[key]
 
 
