@@ -88,7 +88,7 @@ def test_every_experiment_is_reproduced():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--claim", "accurcy"], "found accurcy; did you mean accuracy?"),
+        (["--claim", "accurcy"], "invalid choice: 'accurcy' (choose from 'softmax', "),
         (["--claim", "accuracy"], "nothing is measured: skipped"),
         (["--claim", "networks_three_layers", "--quick"], "no step is quick"),
     ],
