@@ -60,7 +60,6 @@ class Carried(msgspec.Struct, frozen=True):
     cache: bool
     force: bool
     device: Any
-    threads: Any
 
 
 def resolved(cfg: DictConfig) -> dict[str, Any]:

@@ -86,7 +86,7 @@ class Results:
     def trainings(self) -> pd.DataFrame:
         """Every finished training, a line each with its settings and results."""
         lines = pd.DataFrame(map(_of_finished, self.runs))
-        return lines.drop(columns=["alike", "repetition"], errors="ignore")
+        return lines.drop(columns="alike", errors="ignore")
 
     def chosen(self, experiment: str) -> tuple[list[Record], list[Record]]:
         """The measurements of an experiment that count, and those that are left out.
@@ -233,8 +233,6 @@ def _of_finished(run: Record) -> Row:
     """The line of a finished training, with what tells it from others of its row; one that never
     got to its target took infinitely long."""
     line, same = _of_run(run), configs.without((*configs.SEEDS, "device"), run.config)
-    parts = list(configs.mappings(run.config))
-    seeds = [part[key] for part in parts for key in configs.SEEDS if key in part]
     if not line["iterative"]:  # it ends by itself, whatever the rule
         same.pop("stop")
     for key in configs.COORDINATES:
@@ -242,7 +240,6 @@ def _of_finished(run: Record) -> Row:
         same[group].pop(name, None)
     seconds = line["training_time_s"]
     return line | {
-        "repetition": json.dumps(seeds),
         "alike": json.dumps([same, run.revisions], sort_keys=True),
         "training_time_s": math.inf if seconds is None else seconds,
     }
@@ -266,7 +263,7 @@ def _counting(lines: pd.DataFrame) -> pd.DataFrame:
     ordered["counts"] = ordered.alike == first
     by_row = ordered.groupby(ROW).counts
     ordered["others"] = by_row.transform("size") - by_row.transform("sum")
-    chosen = ordered[ordered.counts].drop_duplicates([*ROW, "repetition"])
+    chosen = ordered[ordered.counts].drop_duplicates([*ROW, "seeds"])
     chosen = chosen.sort_values([*ROW, "seed"])
     helpers = ["alike", "by_rule", "age", "counts"]
     return chosen.drop(columns=helpers).reset_index(drop=True)
