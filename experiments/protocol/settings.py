@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from typing import Annotated, Any, TypeVar
 
@@ -10,8 +9,6 @@ import msgspec
 import torch
 from msgspec import Meta
 from omegaconf import DictConfig, OmegaConf
-
-from experiments.records import configs
 
 _T = TypeVar("_T")
 # How messages call the types of msgspec.
@@ -66,12 +63,9 @@ def resolved(cfg: DictConfig) -> dict[str, Any]:
     """A composed config as plain values.
 
     Raises:
-        ValueError: naming the keys that have no value.
+        MissingMandatoryValue: naming a key that has no value.
     """
-    missing = ", ".join(sorted(OmegaConf.missing_keys(cfg)))
-    if missing:
-        raise ValueError(f"{missing}: expected a value, found none")
-    values: Any = OmegaConf.to_container(cfg, resolve=True)
+    values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     return values
 
 
@@ -86,9 +80,6 @@ def checked(values: Any, kind: type[_T], key: str = "") -> _T:
     Raises:
         ValueError: naming the key that is wrong, what was expected and what was found.
     """
-    for name, value in configs.flat(values, key).items():
-        if isinstance(value, float) and math.isnan(value):
-            raise ValueError(f"{name}: expected a number, found nan")
     try:
         return msgspec.convert(values, kind)
     except msgspec.ValidationError as error:
@@ -126,12 +117,11 @@ def check_device(key: str, name: Any) -> None:
     """Refuse a device that is not here.
 
     Raises:
-        ValueError: naming the key and the devices.
+        ValueError: naming the key.
     """
     try:
         torch.empty(0, device=torch.device(name)).cpu()
     # Torch raises each of these: of no name, an unknown device, one that is lacking, "meta".
     except (RuntimeError, AssertionError, NotImplementedError, TypeError) as error:
-        gpus = [f"cuda:{k}" for k in range(torch.cuda.device_count())]
-        there = ", ".join(["cpu", *gpus])
-        raise ValueError(f"{key}: expected one of {there}, found {name!r}") from error
+        expected = f"cpu, or one of {torch.cuda.device_count()} GPUs such as cuda:0"
+        raise ValueError(f"{key}: expected {expected}, found {name!r}") from error

@@ -147,12 +147,12 @@ def _check(results: Row) -> None:
         raise ValueError(f"results: expected {error}, found none") from None
     found = {name: unpack_labels(text) for name, text in texts.items()}
     for name, labels in found.items():
-        if len(labels) != n:
-            raise ValueError(f"{name}: expected {n} labels, found {len(labels)}")
-        if n and not 0 <= labels.min() <= labels.max() < classes:
-            limits = f"{labels.min()} to {labels.max()}"
-            expected = f"labels from 0 to {classes - 1}"
-            raise ValueError(f"{name}: expected {expected}, found {limits}")
+        most = labels.max(initial=0)
+        if len(labels) != n or labels.min(initial=0) < 0 or most >= classes:
+            expected = f"{n} labels from 0 to {classes - 1}"
+            raise ValueError(
+                f"{name}: expected {expected}, found {len(labels)} to {most}"
+            )
     share = accuracy(found["predicted"], found["labels"])
     if not math.isclose(stated, share, abs_tol=1e-9):
         expected = f"{share:.6f} of the predictions beside it"

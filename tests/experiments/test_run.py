@@ -217,7 +217,10 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
             ["model=hcd"],
             r"error: model: expected one of .*hdc, .*, found hcd; did you mean hdc\?",
         ),
-        (["scene.path=???"], r"error: scene\.path: expected a value, found none"),
+        (
+            ["scene.path=???"],
+            r"error: Missing mandatory value: path, full_key: scene\.path",
+        ),
         (
             ["scene.colour=1"],
             r"error: Could not override 'scene\.colour'.*, To append .*",

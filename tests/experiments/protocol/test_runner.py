@@ -273,7 +273,7 @@ def test_a_training_that_breaks_off_leaves_its_curve(carry_out, results, fake):
     assert Results(results).unfinished == [entry]
     # Predictions that are no classes are a failure that can be read, too.
     fake({"samples_seen": 1}, predict=lambda self, frames: np.full(len(frames), 99))
-    with pytest.raises(ValueError, match="predicted: expected labels from 0 to 4"):
+    with pytest.raises(ValueError, match="predicted: expected 10 labels from 0 to 4"):
         carry_out()
     assert len(the_record(results).curve) == 1
     assert Results(results).problems == []

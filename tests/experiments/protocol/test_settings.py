@@ -12,15 +12,18 @@ from experiments.protocol.settings import checked
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("scene.path=???", r"scene\.path: expected a value, found none"),
         ("seed.run=-1", r"seed\.run: expected an integer >= 0, found -1"),
-        ("split.test_fraction=nan", r"split\.test_fraction: expected a number, found"),
+        (
+            "split.test_fraction=nan",
+            r"split\.test_fraction: expected a number in \(0, 1\)",
+        ),
+        ("stop.loss=nan", r"stop\.loss: expected a number >= 0\.0, found nan"),
         ("data=null", r"data: expected a mapping, found null"),
         ("stop.reached_after_s=-1", r"stop\.reached_after_s: expected .*, found -1"),
         ("stop.most_steps=199", r"stop\.most_steps: expected at least 200, found 199"),
         ("+stop.colour=0", r"stop\.colour: expected no such key"),
         ("exclusive=no", r"exclusive: expected true or false, found 'no'"),
-        ("device=cuda:7", r"device: expected one of cpu.*, found 'cuda:7'"),
+        ("device=cuda:7", r"device: expected cpu, or one of .*, found 'cuda:7'"),
     ],
 )
 def test_a_wrong_value_is_named_by_its_key(carry_out, override, message):
