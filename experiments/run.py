@@ -72,12 +72,8 @@ def run(*overrides: str) -> Record:
     with initialize_config_dir(str(configs.CONFIGS), version_base="1.3"):
         cfg = compose("config", list(overrides), return_hydra_config=True)
     own = OmegaConf.masked_copy(cfg, [str(key) for key in cfg if key != "hydra"])
-    before = os.environ.get(COMMAND, "")
     os.environ[COMMAND] = _command(overrides)
-    try:
-        return _made(resolved(own), cfg.hydra, Console(highlight=False))[0]
-    finally:
-        os.environ[COMMAND] = before
+    return _made(resolved(own), cfg.hydra, Console(highlight=False))[0]
 
 
 class CommandLine:
