@@ -66,7 +66,7 @@ def instantiate(config: Mapping[str, Any], key: str) -> Any:
         return hydra.utils.instantiate(whole[key], _convert_="all")
     except hydra.errors.InstantiationException as error:
         cause = error.__cause__
-        if not isinstance(cause, ValueError | TypeError | OSError | ImportError):
+        if not isinstance(cause, ValueError | TypeError | OSError):
             raise
         text = str(cause)
         raise ValueError(

@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import Any
 
 from experiments.records import configs
+from experiments.records.sources import PACKAGES
 
-PACKAGES = ("hdc", "baselines", "scenes", "experiments")
 _INSTALLED = ("stdlib", "purelib", "platlib")
 _DIGITS = 12
 

@@ -231,7 +231,7 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
         ),
         (
             ["model._target_=nowhere.Model"],
-            r"error: model: Error loading 'nowhere\.Model'.*No module named 'nowhere'.*",
+            r"error: Error locating target 'nowhere\.Model', full_key: model",
         ),
         (
             ["+task={_target_: os.system, command: 'true'}"],
