@@ -155,28 +155,32 @@ def write(
     """
     sets = sets or sets_of(folder)
     first, *others = sets
-    about = [_about(answers.results) for answers in sets]
+    path = folder / "report.html"
     with _displays(sets):
         reference = [table for each in others for table in each.every_table()]
         numbers = compare.compare(first.every_table(), reference)
         if first.name == MINE or tex:
             first.write(folder, tex)
-        path = folder / "report.html"
-        problems = [f"{a.name}: {text}" for a in sets for text in a.left_out]
-        places = (folder if a.name == MINE else REFERENCE for a in sets)
-        heads = [
-            (TITLES[a.name], text, os.path.relpath(place, folder))
-            for a, text, place in zip(sets, about, places, strict=True)
-        ]
-        differing = numbers[numbers.differs].to_dict("records")
-        write_atomically(path, page.render(sets, heads, differing, problems))
+        write_atomically(path, _page(folder, sets, numbers))
         _show(console, first, numbers, brief)
     if not brief:
-        for answers, text in zip(sets, about, strict=True):
-            say(console, f"{answers.name}: {text}", "dim")
+        for answers in sets:
+            say(console, f"{answers.name}: {_about(answers.results)}", "dim")
     print_problems(console, sets)
     say(console, f"page: {os.path.relpath(path)}")
     return path
+
+
+def _page(folder: Path, sets: Sequence[Answers], numbers: pd.DataFrame) -> str:
+    """The page, with numbers of one's own that differ from the reference."""
+    heads = []
+    for answers in sets:
+        place = folder if answers.name == MINE else REFERENCE
+        about = _about(answers.results), os.path.relpath(place, folder)
+        heads.append((TITLES[answers.name], *about))
+    problems = [f"{a.name}: {text}" for a in sets for text in a.left_out]
+    differing = numbers[numbers.differs].to_dict("records")
+    return page.render(sets, heads, differing, problems)
 
 
 def _show(

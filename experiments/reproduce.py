@@ -10,7 +10,6 @@ and runs none.
 from __future__ import annotations
 
 import argparse
-import difflib
 import signal
 import sys
 from collections.abc import Sequence
@@ -64,24 +63,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--claim",
         metavar="NAME",
-        type=_claim,
+        choices=claims(),
         help="what one claim needs, and its verdicts by rules 4",
     )
     parser.add_argument(
         "--list", action="store_true", help="show steps and claims, run none"
     )
     return parser
-
-
-def _claim(name: str) -> str:
-    """The name of a claim; of another name, an error that has the nearest."""
-    if name in claims():
-        return name
-    text = f"expected one of {', '.join(claims())}, found {name}"
-    near = difflib.get_close_matches(name, claims(), 1)
-    raise argparse.ArgumentTypeError(
-        f"{text}; did you mean {near[0]}?" if near else text
-    )
 
 
 def _tell(found: Sequence[Step], console: Console) -> None:

@@ -55,8 +55,8 @@ _CHAINED = "set env var HYDRA_FULL_ERROR=1 to see chained exception."
 _OF_NO_USER = ("See https:", "object_type=")
 # Keys that say how any task is carried out.
 _OF_ANY = ("device", "threads", "exclusive", "cache", "force", "experiment")
-# What an experiment may set of its runs; and its default that says which frames there are.
-_PARTS, _SCENE = ("scene", "split", "model", "stop"), "override /scene"
+# What an experiment may set of its runs.
+_PARTS = ("scene", "split", "model", "stop")
 
 
 def run(*overrides: str) -> Record:
@@ -72,12 +72,8 @@ def run(*overrides: str) -> Record:
     with initialize_config_dir(str(configs.CONFIGS), version_base="1.3"):
         cfg = compose("config", list(overrides), return_hydra_config=True)
     own = OmegaConf.masked_copy(cfg, [str(key) for key in cfg if key != "hydra"])
-    before = os.environ.get(COMMAND, "")
     os.environ[COMMAND] = _command(overrides)
-    try:
-        return _made(resolved(own), cfg.hydra, Console(highlight=False))[0]
-    finally:
-        os.environ[COMMAND] = before
+    return _made(resolved(own), cfg.hydra, Console(highlight=False))[0]
 
 
 class CommandLine:
@@ -209,10 +205,7 @@ def _asked(hydra_cfg: Any) -> Asked:
     keys = [_key(word) for word in hydra_cfg.overrides.task]
     file = _experiment(choices.get("experiment"), hydra_cfg)
     keys += configs.flat({part: file[part] for part in _PARTS if part in file})
-    chosen = {_SCENE: "touch"}  # as configs/config.yaml
-    for entry in file.get("defaults", ()):
-        chosen |= entry if isinstance(entry, dict) else {}
-    return Asked(choices, keys, bool(file) and choices.get("scene") != chosen[_SCENE])
+    return Asked(choices, keys)
 
 
 def _experiment(name: str | None, hydra_cfg: Any) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import hashlib
 import math
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -47,9 +47,7 @@ def scene_at(
 ) -> Scene:
     """The scene of a resolved config at a seed of sensor and samples, cached where asked for."""
     scene: Scene = instantiate(at_seed(config, seed), "scene")
-    if not cache:
-        return scene
-    return cached(scene, results_dir() / "cache", console, config)
+    return cached(scene, config, console) if cache else scene
 
 
 class LazyFrames:
@@ -85,60 +83,47 @@ class LazyFrames:
 
 
 class DerivedScene:
-    """A scene with the samples of another one, whose frames a subclass gets in its own way."""
+    """A scene with the samples of another one, whose frames are had in another way.
 
-    def __init__(self, scene: Scene):
-        self._scene = scene
+    Args:
+        scene: has the samples.
+        frames: gives the frames of samples by their indices.
+        shape: of a frame; None for that of the scene.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        frames: Callable[[Any], Tensor],
+        shape: tuple[int, int] | None = None,
+    ):
         self.classes, self.labels = scene.classes, scene.labels
-        self.samples, self.shape = scene.samples, scene.shape
-        self.origin = scene.origin
-
-    def __len__(self) -> int:
-        return len(self.labels)
-
-    def fingerprint(self) -> str:
-        return self._scene.fingerprint()
+        self.samples, self.origin = scene.samples, scene.origin
+        self.shape = shape or scene.shape
+        self.frames, self.fingerprint = frames, scene.fingerprint
 
 
-class CachedScene(DerivedScene):
-    """A scene whose frames lie in one file on disk, uint8 or uint16 .npy [N, H, W]."""
-
-    def __init__(self, scene: Scene, path: Path):
-        super().__init__(scene)
-        self._path = path
-
-    def frames(self, indices: Any) -> Tensor:
-        """Read from a map that is closed again: its pages count as memory of the process."""
-        mapped = np.load(self._path, mmap_mode="r", allow_pickle=False)
-        return torch.from_numpy(mapped[np.asarray(indices, dtype=np.int64)])
-
-
-def cached(
-    scene: Scene,
-    folder: Path,
-    console: Console,
-    config: Any = None,
-) -> Scene:
-    """The scene with its frames on disk, made there first if need be, whole or not at all.
+def cached(scene: Scene, config: Any, console: Console) -> Scene:
+    """The scene with its frames in a file, made there first if need be, whole or not at all.
 
     Recorded and measured scenes stay as they are. A file is named after the scene's fingerprint and
-    revision, a user's own modules among its parts, changes of the scenes that are in no commit, the
-    libraries and the kind of processor.
+    the revisions of its parts, changes of the scenes that are in no commit, the libraries and the
+    kind of processor.
 
     Args:
         scene: where the frames come from.
-        folder: of the files.
-        console: says what is kept.
         config: of the scene; a fingerprint says nothing of the code of its parts.
+        console: says what is kept.
 
     Raises:
         OSError: naming the file, if it cannot be written.
     """
     if scene.origin == "recorded" or not getattr(scene, "cacheable", True):
         return scene
-    code = [revision.of_class(type(scene)) | revision.of_own(config), changes("scenes")]
+    code = [revision.revisions(config), changes("scenes")]
     versions = [torch.__version__, np.__version__, platform.machine()]
     parts = [scene.fingerprint(), code, versions]
+    folder = results_dir() / "cache"
     path = folder / f"{hashlib.sha256(repr(parts).encode()).hexdigest()[:24]}.npy"
     folder.mkdir(parents=True, exist_ok=True)
     with FileLock(path.with_suffix(".lock")):  # made by one process; others wait for it
@@ -150,7 +135,13 @@ def cached(
             size = path.stat().st_size / 1e6
             text = f"kept {size:.0f} MB of frames in {folder} (cache=false keeps none)"
             say(console, text, "dim")
-    return CachedScene(scene, path)
+
+    def read(indices: Any) -> Tensor:
+        # From a map that is closed again: its pages count as memory of the process.
+        mapped = np.load(path, mmap_mode="r", allow_pickle=False)
+        return torch.from_numpy(mapped[np.asarray(indices, dtype=np.int64)])
+
+    return DerivedScene(scene, read)
 
 
 def _make(scene: Scene, path: Path) -> None:
@@ -174,37 +165,23 @@ def _make(scene: Scene, path: Path) -> None:
         partial.unlink(missing_ok=True)
 
 
-class PixelSubset(DerivedScene):
+def pixel_subset(scene: Scene, pixels: int, seed: int) -> Scene:
     """A scene of which D pixels are seen, in one row; a smaller D sees some of a larger one's.
 
     Raises:
         ValueError: if the frames have fewer pixels.
     """
+    every = math.prod(scene.shape)
+    if type(pixels) is not int or not 2 <= pixels <= every:
+        expected = f"an integer in [2, {every}]"
+        raise ValueError(f"data.pixels: expected {expected}, found {pixels!r}")
+    in_random_order = np.random.default_rng(seed).permutation(every)
+    chosen = torch.from_numpy(np.sort(in_random_order[:pixels]))
 
-    def __init__(
-        self,
-        scene: Scene,
-        pixels: int,
-        seed: int,
-    ):
-        super().__init__(scene)
-        every = math.prod(scene.shape)
-        if type(pixels) is not int or not 2 <= pixels <= every:
-            expected = f"an integer in [2, {every}]"
-            raise ValueError(f"data.pixels: expected {expected}, found {pixels!r}")
-        self.shape = (1, pixels)
-        in_random_order = np.random.default_rng(seed).permutation(every)
-        self._chosen = np.sort(in_random_order[:pixels])
+    def seen(indices: Any) -> Tensor:
+        return scene.frames(indices).flatten(1)[:, chosen].unsqueeze(1)
 
-    def fingerprint(self) -> str:
-        digest = hashlib.sha256(
-            self._scene.fingerprint().encode() + self._chosen.tobytes()
-        )
-        return digest.hexdigest()
-
-    def frames(self, indices: Any) -> Tensor:
-        pixels = self._scene.frames(indices).flatten(1)
-        return pixels[:, torch.from_numpy(self._chosen)].unsqueeze(1)
+    return DerivedScene(scene, seen, (1, pixels))
 
 
 def take(

@@ -141,32 +141,19 @@ def _gpu(device: str) -> str:
 
 
 @contextmanager
-def libraries(
-    model: Mapping[str, Any],
-    threads: int,
-) -> Iterator[list[dict[str, Any]]]:
-    """Limit the numerical libraries of a scikit-learn model to this many threads; yields them.
+def limited(config: Mapping[str, Any], threads: int) -> Iterator[None]:
+    """Limit the numerical libraries of numpy, scipy and scikit-learn to this many threads.
 
-    numpy, scipy and scikit-learn bring OpenBLAS and OpenMP libraries of their own, with a thread a
-    core each. Only scikit-learn's estimators compute with them.
+    They bring OpenBLAS and OpenMP libraries of their own, with a thread a core each.
     """
-    estimators = [
-        target for target, _ in revision.targets(model) if target.startswith("sklearn.")
-    ]
-    if not estimators:
-        yield []
-        return
-    from threadpoolctl import threadpool_info, threadpool_limits
+    from threadpoolctl import threadpool_limits
 
     # A limit binds the libraries loaded so far, and none loaded later.
-    for name in estimators:
-        importlib.import_module(name.rpartition(".")[0])
+    for target, _ in revision.targets(config):
+        if target.startswith("sklearn."):
+            importlib.import_module(target.rpartition(".")[0])
     with threadpool_limits(threads):
-        keys = {"library": "prefix", "version": "version", "threads": "num_threads"}
-        yield [
-            {name: info[key] for name, key in keys.items()}
-            for info in threadpool_info()
-        ]
+        yield
 
 
 def peak_bytes() -> int:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import Generator, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -19,18 +20,11 @@ from experiments.protocol.checkpoints import Checkpoints, Due
 from experiments.protocol.clock import Clock, timed
 from experiments.protocol.load import Limits, Watch
 from experiments.protocol.model import Model, check_model, instantiate
-from experiments.protocol.settings import (
-    Data,
-    Seeds,
-    Split,
-    check_arguments,
-    check_device,
-)
+from experiments.protocol.settings import Data, Seeds, Split
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context, Row, Task
 from experiments.protocol.trial import Report, Trial, train, warm_up
-from experiments.records.files import results_dir
 from experiments.records.rows import pack_labels
 from hdc.accuracy import accuracy
 from scenes.frames import Scene
@@ -71,7 +65,7 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
                                  or empty; the others of ``load`` are what was measured
     ``…_at_target``, ``…_max``   when training accuracy first exceeded the target; largest
     ``model_bytes``              size of what was learnt; None where it is not known
-    ``test_set``, ``train_set``  SHA-256 of the frames and labels
+    ``test_set``                 SHA-256 of the test frames and their labels
     ``labels``, ``predicted``    true classes of the test samples, and by the last model
     ============================ ===================================================================
     """
@@ -87,11 +81,6 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
     device: Any = "cpu"
     beside: dict[str, dict[str, Any]]
     disturbed: Limits | None = None
-
-    def __post_init__(self) -> None:
-        check_arguments(self.scene, "scene")
-        check_arguments(self.model, "model")
-        check_device("model.device", self.model.get("device", "cpu"))
 
     @functools.cached_property
     def built(self) -> Scene:
@@ -109,7 +98,6 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
         Raises:
             ValueError: naming the key of a wrong value, or what is wrong with a model's reports.
         """
-        name, target = context.name, self.stop.target
         # A wrong model is found before any frame is made.
         unused: Model = instantiate(self.model, "model")
         check_model(unused)
@@ -117,47 +105,57 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
         trained, tested = self._samples(context, clock)
         self._warm_up(unused, trained)
         model: Model = instantiate(self.model, "model")
+        tests = _Tests(model, trained, tested, self.stop.target)
         digests = trained.digest, tested.digest
-        tests = _Tests(model, trained, tested, target)
-        samples = trained.frames, trained.labels
-        curve: tuple[Report, ...] = ()
         watch = Watch() if self.disturbed else None
-        # Without automatic refreshing: no thread draws while the clock runs.
-        live = Live(console=context.console, transient=True, auto_refresh=False)
-        with watch.watching() if watch else nullcontext(), live:
+        with watch.watching() if watch else nullcontext():
             before = self._beside(trained)
-            live.update(f"train {name}", refresh=True)
-            for trial in train(model, name, *samples, self.stop, clock, tests):
-                yield from trial.curve[len(curve) :]
-                curve = trial.curve
-                if curve:
-                    seconds = curve[-1]["training_s"]
-                    live.update(f"train {name} {seconds:.2f} s", refresh=True)
+            trial = yield from self._curve(context, model, trained, clock, tests)
             after = self._beside(trained)
-        if not curve:
-            raise ValueError(f"model {name}: expected at least one report, found none")
-        if "train_accuracy" not in curve[-1]:  # it was not tested at its end
-            tests.all_frames()
         results = {
             **self._of_frames(trained, tested),
-            **_of_trial(trial, target),
+            **_of_trial(trial, self.stop.target),
             **{key: (before[key] + after[key]) / 2 for key in before},
-            "train_accuracy_final": tests.train_accuracy,
-            "test_accuracy_final": accuracy(tests.predicted, tested.labels),
-            "right": int((tests.predicted == tested.labels).sum()),
-            "predicted": pack_labels(tests.predicted),
+            **self._load(watch),
+            **tests.results(),
             **_predicting(model, tested, self.device),
-            **dict(zip(("train_set", "test_set"), digests, strict=True)),
+            "test_set": digests[1],
             "model_bytes": _size(model),
         }
-        if self.disturbed and watch:
-            load = self.disturbed.columns(watch.load)
-            results |= {f"load.{key}": value for key, value in load.items()}
         if (trained.digest, tested.digest) != digests:
-            raise ValueError(
-                f"model {name}: expected it to leave its frames as they are"
-            )
+            expected = "expected it to leave its frames as they are"
+            raise ValueError(f"model {context.name}: {expected}")
         yield results
+
+    def _curve(
+        self,
+        context: Context,
+        model: Model,
+        trained: Samples,
+        clock: Clock,
+        tests: _Tests,
+    ) -> Generator[Row, None, Trial]:
+        """Train the model and yield its checkpoints; the trial."""
+        name, trial = context.name, Trial()
+        samples = trained.frames, trained.labels
+        # Without automatic refreshing: no thread draws while the clock runs.
+        with Live(console=context.console, transient=True, auto_refresh=False) as live:
+            live.update(f"train {name}", refresh=True)
+            known = 0
+            for trial in train(model, name, *samples, self.stop, clock, tests):
+                yield from trial.curve[known:]
+                known = len(trial.curve)
+                live.update(f"train {name} {clock.seconds:.2f} s", refresh=True)
+        if not trial.curve:
+            raise ValueError(f"model {name}: expected at least one report, found none")
+        return trial
+
+    def _load(self, watch: Watch | None) -> Row:
+        """The load of the machine, where the config has limits of it."""
+        if self.disturbed is None or watch is None:
+            return {}
+        load = self.disturbed.columns(watch.load)
+        return {f"load.{key}": value for key, value in load.items()}
 
     def _warm_up(self, unused: Model, trained: Samples) -> None:
         """Use each model once; one whose size cannot be asked fails here, before its training."""
@@ -184,25 +182,20 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
         """The training and the test samples."""
         scene, chosen = self.built, choose(self.built, self.split, self.seed.split)
         if context.cache:
-            folder = results_dir() / "cache"
-            scene = data.cached(scene, folder, context.console, self.scene)
+            scene = data.cached(scene, self.scene, context.console)
         if self.data.pixels is not None:
-            scene = data.PixelSubset(scene, self.data.pixels, self.seed.pixels)
+            scene = data.pixel_subset(scene, self.data.pixels, self.seed.pixels)
         for indices in chosen:
             frames = data.take(scene, indices, clock)
             yield Samples(indices, scene.labels[indices], frames)
 
     def _of_frames(self, trained: Samples, tested: Samples) -> Row:
         scene = self.built
-        height, width = scene.shape
         return {
             "origin": scene.origin,
             "classes": json.dumps(list(scene.classes)),
             "n_classes": len(scene.classes),
-            "n_samples": len(scene.labels),
-            "height": height,
-            "width": width,
-            "n_pixels": height * width,
+            "n_pixels": math.prod(scene.shape),
             "n_train": len(trained.indices),
             "n_test": len(tested.indices),
             "test_indices": pack_labels(tested.indices),
@@ -211,12 +204,7 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
 
 
 class _Tests:
-    """Tests a model at the checkpoints of its training.
-
-    Attributes:
-        predicted: classes of the test frames by the last test.
-        train_accuracy: by the last test that had the training frames.
-    """
+    """Tests a model at the checkpoints of its training."""
 
     def __init__(
         self,
@@ -227,59 +215,62 @@ class _Tests:
     ):
         self._model, self._trained, self._tested = model, trained, tested
         self._checkpoints = Checkpoints(target, len(trained.labels))
-        self.predicted = np.empty(0, np.int64)
-        self.train_accuracy = 0.0
+        self._predicted = np.empty(0, np.int64)
+        self._last: Report = {}
 
     def __call__(self, report: Report, at_end: bool) -> Report | None:
         due = Due.ALL if at_end else self._checkpoints.due(report)
         if due is Due.NOTHING:
             return None
-        found: Report = {}
+        self._last = {}
         if np.isfinite(report.get("loss", 0.0)):
-            found = self.all_frames() if due is Due.ALL else self.test_frames()
-        self._checkpoints.passed(report, found.get("train_accuracy"))
-        return found
+            self._test(due)
+        self._checkpoints.passed(report, self._last.get("train_accuracy"))
+        return self._last
 
-    def all_frames(self) -> Report:
-        """Accuracies on training and test frames."""
-        predicted = np.asarray(self._model.predict(self._trained.frames))
-        self.train_accuracy = accuracy(predicted, self._trained.labels)
-        return {"train_accuracy": self.train_accuracy, **self.test_frames()}
+    def _test(self, due: Due) -> None:
+        """Accuracies on the test frames, and on the training frames if they are due."""
+        self._last = {}
+        if due is Due.ALL:
+            predicted = np.asarray(self._model.predict(self._trained.frames))
+            self._last["train_accuracy"] = accuracy(predicted, self._trained.labels)
+        self._predicted = np.asarray(self._model.predict(self._tested.frames))
+        self._last["test_accuracy"] = accuracy(self._predicted, self._tested.labels)
 
-    def test_frames(self) -> Report:
-        """Accuracy on the test frames."""
-        self.predicted = np.asarray(self._model.predict(self._tested.frames))
-        return {"test_accuracy": accuracy(self.predicted, self._tested.labels)}
+    def results(self) -> Row:
+        """The accuracies at the end of the training, and the predictions."""
+        if "train_accuracy" not in self._last:  # it was not tested at its end
+            self._test(Due.ALL)
+        return {
+            "train_accuracy_final": self._last["train_accuracy"],
+            "test_accuracy_final": self._last["test_accuracy"],
+            "right": int((self._predicted == self._tested.labels).sum()),
+            "predicted": pack_labels(self._predicted),
+        }
 
 
 def _of_trial(trial: Trial, target: float) -> Row:
-    """Results of the curve of a trial: when an accuracy first exceeded the target, and the largest
-    accuracies."""
-
-    def first(key: str, value: str) -> float | None:
-        reached = (row[value] for row in trial.curve if row.get(key, 0.0) > target)
-        return next(reached, None)
+    """Results of the curve of a trial: when its training accuracy first exceeded the target, and
+    the largest accuracies."""
+    curve, seconds = trial.curve, trial.training_s
+    iterative = any("loss" in row for row in curve)
+    passed = (row for row in curve if row.get("train_accuracy", 0.0) > target)
+    at_target: Report = next(passed, {})
+    # A solver that goes to the optimum makes one report, without steps of an optimiser.
+    solved = len(curve) == 1 and "steps" not in curve[0] and trial.stop == "finished"
+    if iterative and (at_target or not solved):
+        seconds = at_target.get("training_s")
 
     def largest(key: str) -> float | None:
-        return max((row[key] for row in trial.curve if key in row), default=None)
+        return max((row[key] for row in curve if key in row), default=None)
 
-    seconds = trial.training_s
-    iterative = any("loss" in row for row in trial.curve)
-    until_target = first("train_accuracy", "training_s")
-    if iterative:
-        # One report without steps of an optimiser: a solver that goes to the optimum.
-        once = len(trial.curve) == 1 and "steps" not in trial.curve[0]
-        solved = once and trial.stop == "finished"
-        seconds = until_target if until_target is not None or not solved else seconds
     return {
         "stop": trial.stop,
         "iterative": iterative,
         "training_time_s": seconds,
         "total_time_s": trial.training_s,
-        "time_to_target_train_s": until_target,
-        "time_to_target_test_s": first("test_accuracy", "training_s"),
-        "train_accuracy_at_target": first("train_accuracy", "train_accuracy"),
-        "test_accuracy_at_target": first("train_accuracy", "test_accuracy"),
+        "train_accuracy_at_target": at_target.get("train_accuracy"),
+        "test_accuracy_at_target": at_target.get("test_accuracy"),
         "train_accuracy_max": largest("train_accuracy"),
         "test_accuracy_max": largest("test_accuracy"),
     }

@@ -49,11 +49,11 @@ class Model(Protocol):
         ...
 
 
-def check_model(model: Any) -> None:
+def check_model(model: Any, key: str = "model") -> None:
     """Raise ValueError, saying what to write instead, unless the object can train and predict."""
     if not library.can_train(model):
         raise ValueError(
-            f"model: expected an object with train and predict, found {type(model).__name__}; "
+            f"{key}: expected an object with train and predict, found {type(model).__name__}; "
             "model._target_ names a class, below a first line '# @package _global_'; an estimator "
             "of scikit-learn goes into baselines.sklearn_classifier"
         )
@@ -82,10 +82,7 @@ def models_of(configs: Mapping[str, Any]) -> dict[str, Any]:
     """
     models = {}
     for name, part in configs.items():
-        model = instantiate(part["model"], f"task.models.{name}.model")
-        try:
-            check_model(model)
-        except ValueError as error:
-            raise ValueError(f"task.models.{name}: {error}") from error
-        models[name] = model
+        key = f"task.models.{name}.model"
+        models[name] = instantiate(part["model"], key)
+        check_model(models[name], key)
     return models

@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 import torch
+from omegaconf import OmegaConf
 from rich.console import Console
 
 from experiments.protocol import machine
@@ -23,7 +24,7 @@ from experiments.protocol.task import Context, Row, Task, named
 from experiments.records import configs, locks, store
 from experiments.records.environment import COMMAND, Environment, environment
 from experiments.records.files import results_dir
-from experiments.records.record import SCHEMA, Named, Record, labelled, name_of
+from experiments.records.record import SCHEMA, Named, Record, name_of
 from experiments.records.revision import revisions
 from experiments.records.rows import Rows
 
@@ -35,9 +36,8 @@ NOT_IDENTITY = (
     *("disturbed", "sessions"),  # the latter: what the scene has in itself
 )
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
-# Keys of an experiment that say which frames there are, and which of them test.
+# Keys that say which frames there are, and which of them test.
 _OF_FRAMES = ("scene.", "split.", "old_split.")
-_GROUPS = ("scene", "model", "stop")  # of configs/, that make a training
 _ORDER = {"scene": 0, "split": 1, "model": 2, "stop": 3}  # of what was changed
 _NO_CHANGE = ("device", "threads")
 
@@ -49,12 +49,14 @@ class Asked:
     Attributes:
         choices: name of the file that each group of ``configs/`` was composed from.
         keys: dotted, that the command line or the experiment's file set.
-        other_scene: whether the scene is not that of the experiment's file.
     """
 
     choices: Mapping[str, str | None]
     keys: Sequence[str] = ()
-    other_scene: bool = False
+
+    def of(self, group: str) -> str:
+        """The name of a group's file; ``custom`` where it has none."""
+        return self.choices.get(group) or "custom"
 
 
 def carry_out(config: Config, asked: Asked, console: Console) -> tuple[Record, bool]:
@@ -98,7 +100,7 @@ def carry_out(config: Config, asked: Asked, console: Console) -> tuple[Record, b
             return found, True
         held = machine.held(threads, how.device, console)
         alone: AbstractContextManager[None] = held if how.exclusive else nullcontext()
-        with alone, machine.libraries(own, threads) as here.libraries:
+        with alone, machine.limited(own, threads):
             return _made(task, begun, how, console, folder), False
 
 
@@ -123,30 +125,19 @@ def _begun(
     task: Task, own: dict[str, Any], config: Config, asked: Asked, here: Environment
 ) -> Record:
     """The record before anything is made."""
-    scene, model, stop = (asked.choices.get(g) or "custom" for g in _GROUPS)
-    experiment, kind = asked.choices.get("experiment") or "", type(task)
-    data, has_scene = task.fingerprint(), own.get("scene") is not None
-    changed, device = _changed(own, asked.keys), config["device"]
-    about: dict[str, Any] = {}
-    if kind is Training:
-        name = f"{scene}-{model}"
-        about["model"] = Named(model, model, config.get("display") or {})
-        about |= {"stop": stop, "revisions": revisions(own)}
-        if device != "cpu":  # its times do not compare
-            changed["model.device"] = json.dumps(device)
-    else:
-        name = experiment = experiment or kind.__name__
-        about["task"] = target = f"{kind.__module__}.{kind.__qualname__}"
-        about["revisions"] = revisions({"_target_": target, **own})
-        others = asked.other_scene or any(map(_is_of_frames, asked.keys))
-        about["elsewhere"] = has_scene and others
-    if has_scene:
+    of_task = _of_training if isinstance(task, Training) else _of_experiment
+    name, about = of_task(task, own, config, asked)
+    if own.get("scene") is not None:
+        scene = asked.of("scene")
         about["scene"] = Named(scene, scene, config.get("scene_display") or {})
-    determining = own if device == "cpu" else {**own, "device": device}
+    data, changed = task.fingerprint(), _changed(own, asked.keys)
+    device, determining = config["device"], own
+    if device != "cpu":  # its times do not compare
+        determining = {**own, "device": device}
+        changed["model.device"] = json.dumps(device)
     return Record(
         schema=SCHEMA,
         id=name_of(name, determining, data),
-        experiment=experiment,
         config=own,
         changed=changed,
         timed=task.timed,
@@ -158,34 +149,43 @@ def _begun(
     )
 
 
-def _is_of_frames(key: str) -> bool:
-    """Whether a key says which frames there are, or which of them test; seeds do not."""
-    key = key.removeprefix("task.")
-    same = key == "scene.path" or key.rpartition(".")[2] in configs.SEEDS
-    return key.startswith(_OF_FRAMES) and not same
+def _of_training(
+    task: Task, own: Config, config: Config, asked: Asked
+) -> tuple[str, dict[str, Any]]:
+    """Start of the id of a training, and what its record says of it."""
+    model = asked.of("model")
+    return f"{asked.of('scene')}-{model}", {
+        "experiment": asked.choices.get("experiment") or "",
+        "model": Named(model, model, config.get("display") or {}),
+        "stop": asked.of("stop"),
+        "revisions": revisions(own),
+    }
+
+
+def _of_experiment(
+    task: Task, own: Config, config: Config, asked: Asked
+) -> tuple[str, dict[str, Any]]:
+    """Start of the id of another experiment, and what its record says of it."""
+    kind = type(task)
+    name = asked.choices.get("experiment") or kind.__name__
+    target = f"{kind.__module__}.{kind.__qualname__}"
+    made_by = revisions({"_target_": target, **own})
+    return name, {"experiment": name, "task": target, "revisions": made_by}
 
 
 def _changed(own: Config, keys: Sequence[str]) -> dict[str, str]:
     """Values that were set, as JSON by dotted key: of frames first, then of the model."""
-    found = {}
+    values, found = OmegaConf.create(dict(own)), {}
     for key in keys:
         key = key.removeprefix("task.")
         group, _, rest = key.partition(".")
         is_part = group in own and (rest or not isinstance(own[group], Mapping))
         is_seed = key.rpartition(".")[2] in configs.SEEDS or group == "seed"
         if is_part and not is_seed and key not in (*configs.COORDINATES, *_NO_CHANGE):
-            found[key] = json.dumps(_at(own, key))
+            value = OmegaConf.select(values, key)
+            found[key] = json.dumps(value, default=OmegaConf.to_object)
     ordered = sorted(found, key=lambda key: _ORDER.get(key.partition(".")[0], 9))
     return {key: found[key] for key in ordered}
-
-
-def _at(config: Any, key: str) -> Any:
-    """The value of a dotted key, in which a number is a place of a list; None where none is."""
-    for part in key.split("."):
-        if isinstance(config, list):
-            config = dict(zip(map(str, range(len(config))), config, strict=True))
-        config = config.get(part) if isinstance(config, Mapping) else None
-    return config
 
 
 def _made(
@@ -221,21 +221,29 @@ def _ended(begun: Record, rows: Sequence[Row], **ended: Any) -> Record:
         TypeError: for rows that JSON does not have.
     """
     changed, scene, model = begun.changed, begun.scene, begun.model
-    if model and not any("loss" in row for row in rows):
+    if not any("loss" in row for row in rows):
         # What learns in one pass ends by itself, whatever the rule.
         changed = {k: v for k, v in changed.items() if not k.startswith("stop.")}
-    of_model = {k: v for k, v in changed.items() if k.startswith(_OF_MODEL)}
     if model:
-        label = labelled(model.name, of_model)
-        model = Named(model.name, label, model.display)
+        model = _labelled(model, model.name, changed, _OF_MODEL)
     if scene:
-        of_scene = {
-            k: v for k, v in changed.items() if k.startswith(("scene.", "split."))
-        }
         name = scene.name
         if name == "recorded":  # whatever the name of the file, by what is in it
             path = PurePath(begun.config["scene"]["path"])
             name += f" {path.name} ({begun.data[:6]})"
-        scene = Named(scene.name, labelled(name, of_scene), scene.display)
+        scene = _labelled(scene, name, changed, _OF_FRAMES)
     about = {"changed": changed, "scene": scene, "model": model, "rows": Rows.of(rows)}
     return msgspec.structs.replace(begun, **about, **ended)
+
+
+def _labelled(
+    part: Named, name: str, changed: Mapping[str, str], starts: tuple[str, ...]
+) -> Named:
+    """A scene or a model with its label: a name, and in brackets what was changed of it."""
+    values = [
+        f"{key.partition('.')[2]}={value}"
+        for key, value in changed.items()
+        if key.startswith(starts)
+    ]
+    label = f"{name} ({', '.join(values)})" if values else name
+    return msgspec.structs.replace(part, label=label)

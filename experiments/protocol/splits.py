@@ -169,18 +169,17 @@ def _within_first_session(
     first = np.flatnonzero(sessions == sessions.min())
     labels = scene.labels[first]
     groups = scene.samples[group or ""][first] if by_group else None
-    if kind == "leave_group_out":
-        assert groups is not None
+    if kind == "leave_group_out" and groups is not None:
         train, test = leave_group_out(labels, groups, draw, seed)
-        return first[train], first[test]
-    train, test = split(
-        labels,
-        test_fraction=wanted.test_fraction,
-        kind=kind,
-        seed=seed,
-        order=scene.samples["order"][first],
-        groups=groups,
-    )
+    else:
+        train, test = split(
+            labels,
+            test_fraction=wanted.test_fraction,
+            kind=kind,
+            seed=seed,
+            order=scene.samples["order"][first],
+            groups=groups,
+        )
     return first[train], first[test]
 
 

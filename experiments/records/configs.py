@@ -52,6 +52,21 @@ def sweep(experiment: str) -> dict[str, list[str]]:
 
 
 @functools.cache
+def scene_of(experiment: str) -> str:
+    """The scene that an experiment of ``configs/`` has unless another one is asked for; of others
+    nothing."""
+    if not is_known("experiment", experiment):
+        return ""
+    found = "touch"  # as configs/config.yaml
+    for entry in _file("experiment", experiment).get("defaults", ()):
+        if isinstance(entry, Mapping):
+            found = entry.get("override /scene", found)
+        elif entry != "_self_":
+            found = scene_of(entry)
+    return found
+
+
+@functools.cache
 def swept_models() -> frozenset[str]:
     """Every model that an experiment sweeps over."""
     names = (path.stem for path in (CONFIGS / "experiment").glob("*.yaml"))

@@ -10,7 +10,6 @@ import platform
 import shutil
 import subprocess
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -28,8 +27,7 @@ _PACKAGES = (
 # The variable with the command line as a user typed it; workers of a launcher inherit it.
 COMMAND = "EXPERIMENTS_COMMAND"
 _CPUINFO = Path("/proc/cpuinfo")
-_NUMBERS = {"family": "cpu family", "model": "model", "stepping": "stepping"}
-_FLAGS = {*_NUMBERS.values(), "flags"}
+_NUMBERS = ("cpu family", "model", "stepping")
 
 
 class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
@@ -45,10 +43,8 @@ class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
         device: as torch names it, a GPU with its model.
         packages: versions of the libraries.
         commit: of the checkout; None where it is no checkout.
-        dirty: whether code or configs differed from the commit.
         changes: digest of what differed in the code; None where nothing did.
         exclusive: whether it was timed alone.
-        libraries: that compute with threads of their own, each with their number.
     """
 
     python: str | None = None
@@ -61,10 +57,8 @@ class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
     device: str | None = None
     packages: dict[str, str | None] = {}
     commit: str | None = None
-    dirty: bool | None = None
     changes: str | None = None
     exclusive: bool = True
-    libraries: list[Any] = []
 
     @property
     def machine(self) -> str:
@@ -82,7 +76,7 @@ class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
     @property
     def is_of_a_commit(self) -> bool:
         """Whether others can have the code that made it."""
-        return self.commit is not None and self.dirty is False and self.changes is None
+        return self.commit is not None and self.changes is None
 
 
 def environment(device: str, threads: int) -> Environment:
@@ -103,7 +97,6 @@ def environment(device: str, threads: int) -> Environment:
         device=name,
         packages={name: _version(name) for name in _PACKAGES},
         commit=commit(),
-        dirty=_is_dirty(),
         changes=changes(),
     )
 
@@ -117,12 +110,12 @@ def cpu_model() -> str:
 def processor() -> str | None:
     """Family, model, stepping and a digest of the flags of the processor, where Linux says them."""
     known = _cpuinfo()
-    if not known.keys() >= _FLAGS:
+    if "flags" not in known:
         return None
-    numbers = (f"{name} {known[key]}" for name, key in _NUMBERS.items())
     flags = " ".join(sorted(known["flags"].split()))
     digest = hashlib.sha256(flags.encode()).hexdigest()[:8]
-    return f"{' '.join(numbers)} flags {digest}"
+    family, model, stepping = (known[key] for key in _NUMBERS)
+    return f"family {family} model {model} stepping {stepping} flags {digest}"
 
 
 @functools.cache
@@ -171,13 +164,6 @@ def changes(*packages: str) -> str | None:
 def commit() -> str | None:
     """The commit of the checkout; None where it is no checkout."""
     return _ask_git("rev-parse", "HEAD")
-
-
-@functools.cache
-def _is_dirty() -> bool | None:
-    # Results are written while runs go on; only code and configs make a tree dirty.
-    changed = _ask_git("status", "--porcelain", "--", *revision.PACKAGES, "configs")
-    return None if changed is None else bool(changed)
 
 
 def _ask_git(*words: str) -> str | None:

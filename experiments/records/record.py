@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from experiments.records import names, revision
+from experiments.records import revision
 from experiments.records.environment import Environment, changes
 from experiments.records.revision import Revisions
 from experiments.records.rows import Row, Rows, unpack_labels
@@ -53,7 +53,6 @@ class Record(msgspec.Struct, kw_only=True, omit_defaults=True):
         config: everything that determines the rows, resolved, as Hydra composed it.
         changed: values that the command line or the file of an experiment set, by key, as JSON; but
             for seeds, and for what a table asks for by number.
-        elsewhere: whether frames, or which of them test, are others than the experiment's file has.
         timed: whether its rows have times; ``environment`` says whether it had the machine alone.
         command: that a user typed.
         data: digest of everything that determines its frames.
@@ -77,7 +76,6 @@ class Record(msgspec.Struct, kw_only=True, omit_defaults=True):
     stop: str = ""
     config: dict[str, Any]
     changed: dict[str, str] = {}
-    elsewhere: bool = False
     timed: bool = False
     command: str = ""
     data: str = ""
@@ -149,12 +147,12 @@ def _check(results: Row) -> None:
         raise ValueError(f"results: expected {error}, found none") from None
     found = {name: unpack_labels(text) for name, text in texts.items()}
     for name, labels in found.items():
-        if len(labels) != n:
-            raise ValueError(f"{name}: expected {n} labels, found {len(labels)}")
-        if n and not 0 <= labels.min() <= labels.max() < classes:
-            limits = f"{labels.min()} to {labels.max()}"
-            expected = f"labels from 0 to {classes - 1}"
-            raise ValueError(f"{name}: expected {expected}, found {limits}")
+        most = labels.max(initial=0)
+        if len(labels) != n or labels.min(initial=0) < 0 or most >= classes:
+            expected = f"{n} labels from 0 to {classes - 1}"
+            raise ValueError(
+                f"{name}: expected {expected}, found {len(labels)} to {most}"
+            )
     share = accuracy(found["predicted"], found["labels"])
     if not math.isclose(stated, share, abs_tol=1e-9):
         expected = f"{share:.6f} of the predictions beside it"
@@ -163,12 +161,5 @@ def _check(results: Row) -> None:
 
 def name_of(name: str, config: Mapping[str, Any], data: str) -> str:
     """Name of a record: what it is, and a hash of everything that determines it."""
-    determining = [names.of_version_3_0(config), data]
-    text = json.dumps(determining, sort_keys=True, default=str)
+    text = json.dumps([config, data], sort_keys=True, default=str)
     return f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
-
-
-def labelled(name: str, changed: Mapping[str, str]) -> str:
-    """A name, and in brackets what was changed."""
-    values = [f"{key.partition('.')[2]}={value}" for key, value in changed.items()]
-    return f"{name} ({', '.join(values)})" if values else name

@@ -27,7 +27,6 @@ STOPS = ("paper", "long", "end", "quick", "reached")
 # Columns that tell the resamples of a measurement apart: the true classes are stored once in each.
 _RESAMPLE = ("seed", "split", "draw")
 _UNREAD = ("labels", "predicted", "test_indices")
-_AGAIN = "measurement"  # key of which of several measurements of the same one is
 
 
 class Results:
@@ -69,10 +68,9 @@ class Results:
 
         A line has the columns of its row. Where a row has lists of equal length, it becomes a line
         per place in them, with the column ``place``. From its record a line has ``experiment``,
-        ``scene``, ``record``, ``command``, ``device``, ``cpu``, ``threads``, ``elsewhere`` (whether
-        its frames are not the ones of the experiment's config) and every setting of the config by
-        its dotted key, lists as JSON. ``right`` counts the right answers of a line with
-        ``predicted``; ``labels``, the true classes, stand in each.
+        ``scene``, ``record``, ``command``, ``device``, ``cpu``, ``threads`` and every setting of
+        the config by its dotted key, lists as JSON. ``right`` counts the right answers of a line
+        with ``predicted``; ``labels``, the true classes, stand in each.
 
         :data:`RUNS` stands for single trainings, a line each, with their results; a row
         (:data:`ROW`) has one of its configurations (:func:`_counting`). :data:`CHECKPOINTS` are the
@@ -88,25 +86,23 @@ class Results:
     def trainings(self) -> pd.DataFrame:
         """Every finished training, a line each with its settings and results."""
         lines = pd.DataFrame(map(_of_finished, self.runs))
-        return lines.drop(columns=["alike", "repetition"], errors="ignore")
+        return lines.drop(columns="alike", errors="ignore")
 
     def chosen(self, experiment: str) -> tuple[list[Record], list[Record]]:
         """The measurements of an experiment that count, and those that are left out.
 
-        The last one of each scene counts, first among measurements on the experiment's own frames;
-        and with it measurements of other models (:func:`_is_beside`).
+        Of each scene the one that was made last; of one that is to be made several times, the last
+        of each ``measurement`` that the config counts.
         """
-        counting: dict[str, list[Record]] = {}
+        counting: dict[tuple[str, int], Record] = {}
         left_out = []
-        made = [m for m in self.measurements if m.experiment == experiment]
-        for measured in sorted(made, key=lambda m: m.elsewhere):
-            beside = counting.setdefault(_label(measured), [])
-            if all(_is_beside(measured, other) for other in beside):
-                beside.append(measured)
-            else:
-                left_out.append(measured)
-        ordered = sorted(counting, key=self._order)
-        return [one for scene in ordered for one in counting[scene]], left_out
+        for measured in self.measurements:
+            if measured.experiment == experiment:
+                name = _label(measured), measured.config.get("measurement", 1)
+                if counting.setdefault(name, measured) is not measured:
+                    left_out.append(measured)
+        ordered = sorted(counting, key=lambda name: self._order(name[0]))
+        return [counting[name] for name in ordered], left_out
 
     def left_out(self) -> Iterator[str]:
         """A line for each measurement that a later one of its scene stands for."""
@@ -143,7 +139,7 @@ class Results:
         ]
         named = runs[["record", *ROW, "seeds", "seed", "iterative"]]
         every = named.merge(pd.DataFrame(lines), on="record")
-        return every.assign(experiment=CHECKPOINTS, elsewhere=False)
+        return every.assign(experiment=CHECKPOINTS)
 
     def _show(self, record: Record) -> None:
         for group, named in (("model", record.model), ("scene", record.scene)):
@@ -155,29 +151,6 @@ def _label(record: Record) -> str:
     return record.scene.label if record.scene else ""
 
 
-def _is_beside(one: Record, other: Record) -> bool:
-    """Whether two measurements of a scene with equal settings count side by side: the same one made
-    again, which may leave models out, or one of other models, with the same seeds or a part of
-    them."""
-    settings, seeds, models = zip(*map(_apart, (one, other)), strict=True)
-    if settings[0] != settings[1]:
-        return False
-    shared = models[0].keys() & models[1].keys()
-    if one.config.get(_AGAIN) != other.config.get(_AGAIN):
-        same = all(models[0][name] == models[1][name] for name in shared)
-        return bool(seeds[0] == seeds[1] and same)
-    within = seeds[0] <= seeds[1] or seeds[1] <= seeds[0]
-    # Times of two calls do not compare.
-    return bool(all(models) and not shared and within and not one.timed)
-
-
-def _apart(record: Record) -> tuple[Any, set[int], dict[str, Any]]:
-    """Settings in which measurements side by side agree, and seeds and models of this one."""
-    config = record.config
-    seeds, models = config.get("seeds") or (), config.get("models") or {}
-    return configs.without((_AGAIN, "seeds", "models"), config), set(seeds), models
-
-
 def of_experiment(frame: pd.DataFrame, experiment: str) -> pd.DataFrame:
     """The lines of one experiment."""
     if not len(frame):
@@ -186,8 +159,12 @@ def of_experiment(frame: pd.DataFrame, experiment: str) -> pd.DataFrame:
 
 
 def own_frames(frame: pd.DataFrame) -> pd.DataFrame:
-    """The lines on the frames of their experiment's own config."""
-    return frame[~frame.elsewhere.astype(bool)] if len(frame) else frame
+    """The lines on the scene of their experiment's own config, unchanged; of single trainings,
+    and of experiments that are not in ``configs/``, all."""
+    if not len(frame):
+        return frame
+    own = frame.experiment.map(configs.scene_of)
+    return frame[(own == "") | (frame.scene == own)]
 
 
 def by_scene(lines: pd.DataFrame) -> dict[str, pd.DataFrame]:
@@ -222,7 +199,6 @@ def _of_record(record: Record) -> Row:
         "scene": _label(record),
         "record": record.id,
         "command": record.command,
-        "elsewhere": record.elsewhere,
         "device": environment.device,
         "cpu": environment.machine,
         "threads": environment.threads,
@@ -257,8 +233,6 @@ def _of_finished(run: Record) -> Row:
     """The line of a finished training, with what tells it from others of its row; one that never
     got to its target took infinitely long."""
     line, same = _of_run(run), configs.without((*configs.SEEDS, "device"), run.config)
-    parts = list(configs.mappings(run.config))
-    seeds = [part[key] for part in parts for key in configs.SEEDS if key in part]
     if not line["iterative"]:  # it ends by itself, whatever the rule
         same.pop("stop")
     for key in configs.COORDINATES:
@@ -266,7 +240,6 @@ def _of_finished(run: Record) -> Row:
         same[group].pop(name, None)
     seconds = line["training_time_s"]
     return line | {
-        "repetition": json.dumps(seeds),
         "alike": json.dumps([same, run.revisions], sort_keys=True),
         "training_time_s": math.inf if seconds is None else seconds,
     }
@@ -290,7 +263,7 @@ def _counting(lines: pd.DataFrame) -> pd.DataFrame:
     ordered["counts"] = ordered.alike == first
     by_row = ordered.groupby(ROW).counts
     ordered["others"] = by_row.transform("size") - by_row.transform("sum")
-    chosen = ordered[ordered.counts].drop_duplicates([*ROW, "repetition"])
+    chosen = ordered[ordered.counts].drop_duplicates([*ROW, "seeds"])
     chosen = chosen.sort_values([*ROW, "seed"])
     helpers = ["alike", "by_rule", "age", "counts"]
     return chosen.drop(columns=helpers).reset_index(drop=True)

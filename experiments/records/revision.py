@@ -7,22 +7,21 @@ which returns their classes, or dotted names of them. A package may have one ``R
 what all of its parts share; that of ``experiments`` is the protocol's. A test of golden numbers
 fails when a number moves and no revision does (``tests/experiments/golden_numbers.py``).
 
-A user's own module counts by its file, with the files of the user's modules that it imports.
+A user's own module counts by its file; where it imports others, a ``revision`` says that they
+changed.
 """
 
 from __future__ import annotations
 
-import ast
 import functools
 import hashlib
 import importlib
 import importlib.util
 import json
-import os
 import pkgutil
+import sys
 import sysconfig
 from collections.abc import Iterator
-from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any
 
@@ -80,15 +79,6 @@ def of_class(kind: type) -> Revisions:
     return _of_part(f"{kind.__module__}.{kind.__qualname__}", kind)
 
 
-def of_own(config: Any) -> Revisions:
-    """Revisions of those parts of a config that lie in a user's own modules."""
-    found: Revisions = {}
-    for target, parameters in targets(config):
-        if target.partition(".")[0] not in PACKAGES:
-            found |= revisions({"_target_": target, **parameters})
-    return found
-
-
 def targets(config: Any) -> Iterator[tuple[str, dict[str, Any]]]:
     """Each ``_target_`` in a part of a config, with the parameters next to it."""
     for node in configs.mappings(config):
@@ -123,10 +113,14 @@ def _of_target(target: str, parameters: str) -> Revisions:
 
 def _of_part(name: str, part: Any) -> Revisions:
     package = name.partition(".")[0]
-    own = {name: getattr(part, "revision", 1)}
+    found: Revisions = {name: getattr(part, "revision", 1)}
     if package in PACKAGES:
-        return own | _of_package(package)
-    return own | _own_files(getattr(part, "__module__", name))
+        return found | _of_package(package)
+    module = sys.modules.get(getattr(part, "__module__", ""))
+    file = Path(getattr(module, "__file__", None) or "")
+    if file.suffix == ".py" and not is_installed(package):
+        found[file.name] = hashlib.sha256(file.read_bytes()).hexdigest()[:_DIGITS]
+    return found
 
 
 def _of_package(name: str) -> Revisions:
@@ -137,65 +131,14 @@ def _of_package(name: str) -> Revisions:
 
 
 @functools.cache
-def _own_files(name: str) -> Revisions:
-    """Digests of a user's module and of the user's modules that it imports; empty for other
-    modules."""
-    start = _file_of(name)
-    found: Revisions = {}
-    waiting = [name]
-    while start is not None and waiting:
-        module = waiting.pop()
-        package, path = module.partition(".")[0], _file_of(module)
-        if path is None or package in PACKAGES or is_installed(package):
-            continue
-        relative = Path(os.path.relpath(path, start.parent)).as_posix()
-        if relative not in found:
-            found[relative] = _digest(path)
-            is_package = path.stem == "__init__"
-            within = module if is_package else module.rpartition(".")[0]
-            waiting += _imported(path, within)
-    return found
-
-
-def _imported(path: Path, package: str) -> Iterator[str]:
-    """Dotted names that a file of a package imports, some of which are no modules."""
-    for node in ast.walk(ast.parse(path.read_bytes())):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            relative = "." * node.level + (node.module or "")
-            module = importlib.util.resolve_name(relative, package)
-            yield module
-            yield from (f"{module}.{alias.name}" for alias in node.names)
-
-
-def _file_of(module: str) -> Path | None:
-    """The Python file of a module; None where it has none."""
-    spec = _found(module)
-    origin = Path(spec.origin or "") if spec else Path()
-    return origin.resolve() if origin.suffix == ".py" else None
-
-
-def _found(module: str) -> ModuleSpec | None:
-    try:
-        return importlib.util.find_spec(module)
-    except (
-        ImportError,
-        ValueError,
-    ):  # what holds it is no package, or was not imported
-        return None
-
-
-@functools.cache
 def is_installed(package: str) -> bool:
     """Whether a package comes with Python, or was installed: it is looked for, not imported."""
-    spec = _found(package)
+    try:
+        spec = importlib.util.find_spec(package)
+    except ValueError:  # it is what runs
+        return False
     if spec is None or spec.origin in ("built-in", "frozen"):
         return spec is not None
     folders = [Path(sysconfig.get_path(name)).resolve() for name in _INSTALLED]
     file = Path(spec.origin or "").resolve()
     return any(file.is_relative_to(folder) for folder in folders)
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:_DIGITS]

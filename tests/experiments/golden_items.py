@@ -224,7 +224,9 @@ def split_numbers(kind: str) -> dict[str, str]:
 def pixel_numbers() -> list[str]:
     """Digests of frames of which some pixels are seen."""
     scene = classes_of_frames(side=9, n=6)
-    seen = [data.PixelSubset(scene, pixels, 1).frames([0, 5]) for pixels in (2, 40, 81)]
+    seen = [
+        data.pixel_subset(scene, pixels, 1).frames([0, 5]) for pixels in (2, 40, 81)
+    ]
     return [digest(frames) for frames in seen]
 
 

@@ -21,7 +21,7 @@ from experiments.records.rows import Rows, pack_labels
 from tests.experiments.composed import tree
 
 FINGERPRINT = "f" * 64
-MADE_ON = {"cpu": "A CPU", "threads": 2, "commit": "c" * 40, "dirty": False}
+MADE_ON = {"cpu": "A CPU", "threads": 2, "commit": "c" * 40}
 
 
 def run(
@@ -86,9 +86,6 @@ def run(
         "origin": origin,
         "classes": json.dumps(list(classes)),
         "n_classes": len(classes),
-        "n_samples": 500,
-        "height": 500,
-        "width": 500,
         "n_pixels": 250_000,
         "n_train": cfg.split.n_train or 400,
         "n_test": len(truth),

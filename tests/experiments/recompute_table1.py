@@ -82,8 +82,8 @@ def seconds(run: dict) -> float:
     """Training time: of an iterative model that until training accuracy passes 90 %."""
     if not is_iterative(run):
         return run["results"]["total_time_s"]
-    reached = run["results"].get("time_to_target_train_s")
-    return math.inf if reached is None else reached
+    reached = (row for row in run["curve"] if (row.get("train_accuracy") or 0) > 0.9)
+    return next((row["training_s"] for row in reached), math.inf)
 
 
 def at_papers(run: dict, level: float | None) -> float | None:

@@ -88,7 +88,7 @@ def test_every_experiment_is_reproduced():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--claim", "accurcy"], "found accurcy; did you mean accuracy?"),
+        (["--claim", "accurcy"], "invalid choice: 'accurcy' (choose from 'softmax', "),
         (["--claim", "accuracy"], "nothing is measured: skipped"),
         (["--claim", "networks_three_layers", "--quick"], "no step is quick"),
     ],
@@ -172,10 +172,12 @@ def test_timed_steps_run_first_and_alone_the_others_side_by_side(step, tmp_path)
 
 
 def call(folder, *found):
-    """A process, the first of its group, that carries out steps."""
+    """A process, the first of its group, that carries out steps and can be interrupted."""
 
     def carry_out():
         os.setsid()
+        # A job in the background, which these tests may be, ignores an interrupt.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         sys.exit(make.run(found, "full", folder, console()))
 
     process = multiprocessing.get_context("fork").Process(target=carry_out)

@@ -17,7 +17,6 @@ import hdc
 from experiments import run
 from experiments.records import locks, store
 from experiments.records.files import ROOT
-from experiments.records.results import Results
 from tests.experiments.composed import tree
 from tests.experiments.helpers import until
 
@@ -89,40 +88,24 @@ def test_neither_import_nor_a_run_changes_warnings_for_good(command_line):
 
 
 @pytest.mark.parametrize(
-    ("words", "keys", "other_scene"),
+    ("words", "keys"),
     [
-        (
-            ["model.device=cpu", "~model.backend"],
-            ["model.device", "model.backend"],
-            False,
-        ),
-        (["experiment=drift", "scene=touch"], ["experiment", "scene"], True),
+        (["model.device=cpu", "~model.backend"], ["model.device", "model.backend"]),
+        (["experiment=drift", "scene=touch"], ["experiment", "scene"]),
         (
             ["experiment=robustness", "+model@task.models.cnn1=cnn1"],
             ["experiment", "task.models.cnn1"],
-            False,
         ),
-        (["experiment=times"], ["experiment", "stop.budget_s"], False),
+        (["experiment=times"], ["experiment", "stop.budget_s"]),
     ],
     ids=str,
 )
 def test_what_was_chosen_and_set_is_known_from_the_words_and_the_experiments_file(
-    words, keys, other_scene
+    words, keys
 ):
     asked = run._asked(tree(*words, with_hydra=True).hydra)
-    assert (list(asked.keys), asked.other_scene) == (keys, other_scene)
+    assert list(asked.keys) == keys
     assert asked.choices["model"] == "hdc"
-
-
-def test_frames_of_another_scene_than_the_experiments_are_known(
-    command_line, recording, tmp_path
-):
-    """As a module, the runner did not find the experiment's file."""
-    words = ["experiment=correlation", "scene=recorded", f"scene.path={recording()}"]
-    words += ["task.seeds=[0]", "exclusive=false"]
-    assert command_line(*words, RESULTS_DIR=str(tmp_path)).returncode == 0
-    (record,) = Results(tmp_path).measurements
-    assert record.elsewhere
 
 
 @pytest.mark.parametrize(
@@ -234,7 +217,10 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
             ["model=hcd"],
             r"error: model: expected one of .*hdc, .*, found hcd; did you mean hdc\?",
         ),
-        (["scene.path=???"], r"error: scene\.path: expected a value, found none"),
+        (
+            ["scene.path=???"],
+            r"error: Missing mandatory value: path, full_key: scene\.path",
+        ),
         (
             ["scene.colour=1"],
             r"error: Could not override 'scene\.colour'.*, To append .*",

@@ -50,6 +50,8 @@ def address(tmp_path_factory):
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
+        # A job in the background, which these tests may be, ignores an interrupt.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
         output = ""
         while not (match := re.search(r"open (http\S+)", output)):

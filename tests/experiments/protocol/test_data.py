@@ -38,7 +38,12 @@ def test_lazy_frames_index_as_a_tensor_does(index, make_scene):
 # The cache -----------------------------------------------------------------------------------
 
 
-def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch, make_scene):
+@pytest.fixture
+def folder(results):
+    return results / "cache"
+
+
+def test_frames_that_break_off_leave_no_file(folder, monkeypatch, make_scene):
     scene, real = make_scene(), Frames.frames
 
     def interrupted(scene, indices):
@@ -49,20 +54,18 @@ def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch, make_scene):
     with monkeypatch.context() as patch:
         patch.setattr(Frames, "frames", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            data.cached(scene, tmp_path, QUIET)
-    assert {f.suffix for f in tmp_path.iterdir()} == {".lock"}
-    data.cached(scene, tmp_path, QUIET)
-    (path,) = tmp_path.glob("*.npy")
+            data.cached(scene, {}, QUIET)
+    assert {f.suffix for f in folder.iterdir()} == {".lock"}
+    data.cached(scene, {}, QUIET)
+    (path,) = folder.glob("*.npy")
     # A killed process leaves its part, which is overwritten.
     path.rename(path.with_suffix(".partial")).write_bytes(b"half")
-    assert torch.equal(
-        data.cached(scene, tmp_path, QUIET).frames([59]), scene.images[[59]]
-    )
-    assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
+    assert torch.equal(data.cached(scene, {}, QUIET).frames([59]), scene.images[[59]])
+    assert {f.suffix for f in folder.iterdir()} == {".npy", ".lock"}
 
 
 def test_frames_wanted_by_several_processes_are_made_by_one(
-    tmp_path, monkeypatch, make_scene
+    folder, monkeypatch, make_scene
 ):
     scene, fork = make_scene(), multiprocessing.get_context("fork")
     made, real = fork.Value("i", 0), Frames.frames
@@ -74,7 +77,7 @@ def test_frames_wanted_by_several_processes_are_made_by_one(
         return real(scene, indices)
 
     monkeypatch.setattr(Frames, "frames", slow)
-    about = {"target": data.cached, "args": (scene, tmp_path, QUIET)}
+    about = {"target": data.cached, "args": (scene, {}, QUIET)}
     processes = [fork.Process(**about) for _ in range(3)]
     for process in processes:
         process.start()
@@ -87,35 +90,29 @@ def test_frames_wanted_by_several_processes_are_made_by_one(
 # Which pixels and which samples --------------------------------------------------------------
 
 
-def test_pixels_that_are_seen_have_a_name_of_their_own_and_are_there(make_scene):
+def test_pixels_that_are_seen_are_there(make_scene):
     """Which they are: golden numbers."""
     scene = make_scene(dtype=np.uint16)
-    subsets = [
-        data.PixelSubset(scene, *of) for of in ((6, 1), (20, 1), (35, 1), (6, 2))
-    ]
-    names = {scene.fingerprint(), *(subset.fingerprint() for subset in subsets)}
-    assert len(names) == 5
-    assert torch.equal(subsets[2].frames([2])[0, 0], scene.frames([2]).flatten())
+    few, all_of_them = (data.pixel_subset(scene, n, 1) for n in (6, 35))
+    assert (few.shape, len(few.frames([2])[0, 0])) == ((1, 6), 6)
+    assert torch.equal(all_of_them.frames([2])[0, 0], scene.frames([2]).flatten())
     for pixels in (1, 36, 2.5, True):
         with pytest.raises(
             ValueError, match=r"^data\.pixels: expected an integer in \[2, 35\]"
         ):
-            data.PixelSubset(scene, pixels, 0)
+            data.pixel_subset(scene, pixels, 0)
 
 
 def test_frames_are_made_again_for_other_code_of_a_scene_or_of_an_own_part(
-    tmp_path, monkeypatch, make_scene
+    folder, monkeypatch, make_scene
 ):
     """A contact of one's own, say: the fingerprint has its parameters, not its code."""
     scene, config = make_scene(), {"contact": {"_target_": "an_own_press.Press"}}
 
-    def files(digest, revision):
-        code = {"a.py": digest}
+    def files(digest):
         with monkeypatch.context() as patch:
-            patch.setattr(data.revision, "_of_target", lambda *_: code)
-            patch.setattr(Frames, "revision", revision, raising=False)
-            data.cached(scene, tmp_path, QUIET, config)
-        return len(list(tmp_path.glob("*.npy")))
+            patch.setattr(data.revision, "_of_target", lambda *_: {"a.py": digest})
+            data.cached(scene, config, QUIET)
+        return len(list(folder.glob("*.npy")))
 
-    states = (("a", 1), ("a", 1), ("b", 1), ("b", 99))
-    assert [files(*state) for state in states] == [1, 1, 2, 3]
+    assert [files(digest) for digest in "aab"] == [1, 1, 2]

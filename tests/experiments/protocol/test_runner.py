@@ -48,14 +48,13 @@ def nothing_called():
 
 @pytest.fixture
 def count(results, one_thread):
-    """count(*words, keys, other_scene, **task) → the record of Counting, whether it was there, and
-    what was printed."""
+    """count(*words, **task) → the record of Counting, whether it was there, what was printed."""
 
-    def call(*words, keys=(), other_scene=False, **task):
+    def call(*words, **task):
         cfg = composed("threads=1", "exclusive=false", *words)
         cfg["task"] = {"_target_": f"{__name__}.Counting", **task}
         choices = {"scene": "touch", "experiment": "numbers"}
-        return carried_out(cfg, runner.Asked(choices, keys, other_scene))
+        return carried_out(cfg, runner.Asked(choices))
 
     return call
 
@@ -76,7 +75,7 @@ def test_a_training_says_what_it_was_and_what_came_out(
     found = entry.results
     assert entry.status == found["stop"] == "finished"
     assert found["origin"] == "recorded"
-    assert (found["n_train"], found["n_test"], found["n_samples"]) == (40, 10, 50)
+    assert (found["n_train"], found["n_test"]) == (40, 10)
     here = msgspec.structs.replace(environment("cpu", 1), exclusive=False)
     assert (entry.environment, entry.timed) == (here, True)
     assert not set(runner.NOT_IDENTITY) & set(entry.config)
@@ -154,21 +153,6 @@ def test_what_was_set_is_in_the_record_frames_first(keys, expected):
     assert list(found.items()) == list(expected.items())
 
 
-@pytest.mark.parametrize(
-    ("about", "other"),
-    [
-        ({"other_scene": True}, True),
-        ({"keys": ["task.scene.n"]}, True),
-        ({"keys": ["scene.path", "scene.sensor.sampling_seed"]}, False),
-    ],
-    ids=str,
-)
-def test_other_frames_are_another_scene_or_split(count, about, other):
-    made, *_ = count(scene=SENSOR, **about)
-    assert made.elsewhere is other
-    assert not count(other_scene=True, most=3)[0].elsewhere  # there is no scene
-
-
 # What names it ------------------------------------------------------------------------------------
 
 IDENTITY = ["seed.run=1", "seed.pixels=7", "split.kind=ordered", "split.n_train=20",
@@ -192,6 +176,10 @@ def test_the_id_is_a_function_of_config_and_data(carry_out, recording):
     assert carry_out(scene=path).id not in {first, *ids}
 
 
+# Parameters that had other names in version 3.0: records of them are measured again.
+RENAMED = ("n_neighbors", "random_state", "class_weight")
+
+
 def test_committed_records_are_found_under_their_names(committed_results):
     """Under another name, everything would be measured again."""
     for record in committed_results.measurements:
@@ -201,6 +189,8 @@ def test_committed_records_are_found_under_their_names(committed_results):
         task = runner.checked(record.config, kind, "task")
         fields = msgspec.structs.fields(kind)
         own = {f.name: record.config.get(f.name, f.default) for f in fields}
+        if any(word in json.dumps(own) for word in RENAMED):
+            continue
         assert runner.name_of(record.experiment, own, record.data) == record.id
         assert task.timed <= record.timed
 
@@ -283,7 +273,7 @@ def test_a_training_that_breaks_off_leaves_its_curve(carry_out, results, fake):
     assert Results(results).unfinished == [entry]
     # Predictions that are no classes are a failure that can be read, too.
     fake({"samples_seen": 1}, predict=lambda self, frames: np.full(len(frames), 99))
-    with pytest.raises(ValueError, match="predicted: expected labels from 0 to 4"):
+    with pytest.raises(ValueError, match="predicted: expected 10 labels from 0 to 4"):
         carry_out()
     assert len(the_record(results).curve) == 1
     assert Results(results).problems == []

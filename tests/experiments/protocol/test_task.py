@@ -96,4 +96,4 @@ def test_scenes_come_at_their_seeds_and_are_kept_on_disk_where_asked_for(
             frames = found[seed].frames(np.arange(3))
             assert frames.flatten().tolist() == [seed, seed, 7]
         assert len(list(results.glob("cache/*.npy"))) == 2 * cache
-        assert isinstance(found[4], data.CachedScene) == cache
+        assert isinstance(found[4], data.DerivedScene) == cache

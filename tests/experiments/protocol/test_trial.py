@@ -66,14 +66,33 @@ def test_a_curve_is_read_where_it_first_exceeds_the_target_and_at_its_largest(
     entry = carry_out()
     times = [row["training_s"] for row in entry.curve]
     expected = {
-        "time_to_target_train_s": times[1],
-        "time_to_target_test_s": times[2],
+        "training_time_s": times[1],
         "train_accuracy_at_target": 0.91,
         "test_accuracy_at_target": 0.8,
         "train_accuracy_max": 1.0,
         "test_accuracy_max": 0.95,
     }
     assert entry.results.items() >= expected.items()
+
+
+@pytest.mark.parametrize("loss", [np.nan, np.inf])
+def test_a_model_whose_loss_is_not_finite_is_tested_at_its_end_alone(
+    carry_out, fake, loss
+):
+    asked = []
+
+    def predict(self, frames):
+        asked.append(len(frames))
+        return np.zeros(len(frames), np.int64)
+
+    reports = [{"samples_seen": k, "steps": k, "loss": loss} for k in (1, 2)]
+    fake(*reports, predict=predict)
+    entry = carry_out()
+    (row,) = entry.curve
+    assert (entry.results["stop"], row["samples_seen"]) == ("diverged", 1)
+    assert not {"loss", "train_accuracy", "test_accuracy"} & set(row)
+    # One in the warm-up, then the training frames and the test frames, once.
+    assert asked[:3] == [2, 40, 10]
 
 
 # Many frames --------------------------------------------------------------------------------------
@@ -98,7 +117,7 @@ def test_too_many_frames_are_read_in_parts_and_give_the_same_record(
     monkeypatch.setattr(data.LazyFrames, "__getitem__", counted)
     lazy = carry_out(*words, scene=path)
     assert 0 < max(asked) <= most
-    for key in ("predicted", "test_set", "train_set", "train_accuracy_max"):
+    for key in ("predicted", "test_set", "train_accuracy_max"):
         assert lazy.results[key] == whole.results[key]
 
 
@@ -136,6 +155,6 @@ def test_an_object_that_is_no_model_is_refused_with_a_hint():
         with pytest.raises(ValueError, match=r"^model: expected an object with train"):
             check_model(model)
     wrong = {"_target_": "sklearn.linear_model.RidgeClassifier"}
-    message = r"^task\.models\.wrong: .*expected an object with train"
+    message = r"^task\.models\.wrong\.model: expected an object with train"
     with pytest.raises(ValueError, match=message):
         models_of({"wrong": {"model": wrong}})

@@ -44,19 +44,20 @@ def checkout(tmp_path, monkeypatch):
 def test_a_clean_checkout_has_a_commit_and_no_changes(checkout):
     clean = now()
     assert clean.commit == git(checkout, "rev-parse", "HEAD")
-    assert (clean.dirty, clean.changes, clean.is_of_a_commit) == (False, None, True)
+    assert (clean.changes, clean.is_of_a_commit) == (None, True)
     (checkout / "results").mkdir()
     (checkout / "results" / "record.json").write_text("{}")
     assert now() == clean  # results are not code
     (checkout / ".git").rename(checkout / "no longer git")
     found = now()
-    assert (found.commit, found.dirty, found.changes) == (None, None, None)
+    assert (found.commit, found.changes) == (None, None)
     assert not found.is_of_a_commit
 
 
-def test_changes_of_code_have_a_digest_and_those_of_configs_make_dirt_only(checkout):
+def test_changes_of_code_have_a_digest(checkout):
+    """A record has its config in itself."""
     (checkout / "configs" / "a.py").write_text("a = 2\n")
-    assert (now().dirty, now().changes) == (True, None)
+    assert now().changes is None
     digests = set()
     for name, text in (("a.py", "a = 2\n"), ("a.py", "a = 3\n"), ("new.py", "b = 1\n")):
         (checkout / "scenes" / name).write_text(text)

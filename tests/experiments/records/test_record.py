@@ -37,9 +37,13 @@ def test_a_run_is_read_as_it_was_written(tmp_path, write_run, write_measurement)
 
 
 RESULTS = [
-    ("predicted", pack_labels([0]), "predicted: expected 100 labels, found 1"),
-    ("predicted", pack_labels([5] * 100), "predicted: expected labels from 0 to 4, fo"),
-    ("n_test", None, "labels: expected None labels, found 100"),
+    (
+        "predicted",
+        pack_labels([0]),
+        "predicted: expected 100 labels from 0 to 4, found 1 to 0",
+    ),
+    ("predicted", pack_labels([5] * 100), "labels from 0 to 4, found 100 to 5"),
+    ("n_test", None, "labels: expected None labels from 0 to 4, found 100"),
     ("test_accuracy_final", 0.9, "expected 1.000000 of the predictions beside it, f"),
 ]
 

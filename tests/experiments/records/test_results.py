@@ -6,7 +6,7 @@ import math
 import pytest
 
 from experiments.records import configs, store
-from experiments.records.results import RUNS, Results
+from experiments.records.results import RUNS, Results, own_frames
 from experiments.records.rows import pack_labels
 
 OTHER = {"experiments": 0, "hdc.HDCClassifier": 1}  # of an earlier protocol
@@ -91,41 +91,21 @@ def of_models(*names, seeds=(0, 1), **config):
     return {"rows": [{"model": names[-1], "seed": 0}], "config": config}
 
 
-OTHER_FRAMES, TIMED = {"elsewhere": True}, {"timed": True}
-
-
 @pytest.mark.parametrize(
     ("written", "models"),
     [
         # A richer measurement of one's own takes the place of the first.
         ([of_models("hdc"), of_models("hdc", "ridge")], ["ridge"]),
-        # Models that were measured apart, with fewer seeds, stand beside the others.
-        (
-            [of_models("hdc", "ridge"), of_models("bits_chosen", seeds=[0])],
-            ["bits_chosen", "ridge"],
-        ),
         ([of_models("ridge"), of_models("cnn1", p=0.5)], ["cnn1"]),
-        # Times of two calls do not stand beside each other, but where they are to.
-        ([of_models(name) | TIMED for name in ("hdc", "ridge")], ["ridge"]),
+        # Measurements that the config counts stand beside each other, each the last of its number;
+        # the second one may leave out a model that takes long.
         (
             [
-                of_models("cnn1", measurement=1) | TIMED,
-                *(of_models("ridge", measurement=k) | TIMED for k in (1, 2)),
+                of_models("cnn1", measurement=1),
+                of_models("cnn3", "ridge", measurement=1),
+                of_models("ridge", measurement=2),
             ],
             ["ridge", "ridge"],
-        ),
-        # The second one may leave out a model that takes long.
-        (
-            [
-                of_models("cnn3", "ridge", measurement=1) | TIMED,
-                of_models("ridge", measurement=2) | TIMED,
-            ],
-            ["ridge", "ridge"],
-        ),
-        # The experiment's own frames before others, however new.
-        (
-            [of_models("hdc", "ridge"), of_models("ridge", "hdc", p=1) | OTHER_FRAMES],
-            ["ridge"],
         ),
     ],
 )
@@ -143,6 +123,24 @@ def test_of_several_measurements_the_newest_counts_and_what_is_left_out_is_said(
     assert not counting & {line.partition(":")[0] for line in told}
 
 
+@pytest.mark.parametrize(
+    ("experiment", "scenes", "own"),
+    [
+        ("drift", ["touch", "drift (noise=2)", "drift"], ["drift"]),
+        ("times_busy", ["gelsight", "touch"], ["touch"]),  # as times, its base
+        ("my_experiment", ["touch", "drift"], ["touch", "drift"]),
+    ],
+)
+def test_an_experiments_own_frames_are_those_of_its_config(
+    tmp_path, write_measurement, experiment, scenes, own
+):
+    for label in scenes:
+        write_measurement(experiment, [{"a": 1}], {"of": label}, "x", label)
+    found = own_frames(Results(tmp_path).frame(experiment))
+    assert set(found.scene) == set(own)
+    assert not len(own_frames(Results(tmp_path).frame("never made")))
+
+
 # Lines --------------------------------------------------------------------------------------------
 
 
@@ -156,20 +154,18 @@ def test_a_line_has_the_values_of_its_row_and_what_names_its_record(
         {"model": "cnn1", "n": [1, 2, 3], "why": ["a"]},  # not of one length
     ]
     config = {"scene": {"sizes": [1, 2]}, "draws": 2}
-    write_measurement(
-        "recordings", rows, config, "recorded", "recorded (a=1)", elsewhere=True
-    )
+    write_measurement("recordings", rows, config, "recorded", "recorded (a=1)")
     write_measurement("drift", [{"n": 4, "scene": "of the row"}], scene="drift")
     frame = Results(tmp_path).frame("drift", "recordings")
-    names = ["scene", "n", "place", "right", "elsewhere", "kept", "scene.sizes"]
+    names = ["scene", "n", "place", "right", "kept", "scene.sizes"]
     found = frame[names].astype(object).where(frame[names].notna(), None)
     of_record = "recorded (a=1)"
     assert found.to_numpy().tolist() == [
-        ["of the row", 4, None, None, False, None, None],
-        [of_record, 1, 0, 3, True, None, "[1, 2]"],
-        [of_record, 5, 1, 2, True, None, "[1, 2]"],
-        [of_record, 5, 0, 2, True, "[1, 2]", "[1, 2]"],
-        [of_record, "[1, 2, 3]", None, None, True, None, "[1, 2]"],
+        ["of the row", 4, None, None, None, None],
+        [of_record, 1, 0, 3, None, "[1, 2]"],
+        [of_record, 5, 1, 2, None, "[1, 2]"],
+        [of_record, 5, 0, 2, "[1, 2]", "[1, 2]"],
+        [of_record, "[1, 2, 3]", None, None, None, "[1, 2]"],
     ]
     assert frame.labels[1:4].tolist() == [labels] * 3  # each line has the true classes
 
