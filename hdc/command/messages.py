@@ -121,10 +121,13 @@ def percent(share: float) -> str:
 
 def score_lines(result: Mapping[str, Any]) -> list[str]:
     """A score in lines for people."""
-    n = result["frames"]
     if "errors" in result:
-        return [_error_line(name, own, n) for name, own in result["errors"].items()]
-    share, (low, high) = result["accuracy"], result["interval"]
+        errors = result["errors"].items()
+        found = [_error_line(name, own, result["frames"]) for name, own in errors]
+        widths = [_width_line(*one) for one in errors if "coverage" in one[1]]
+        return [*found, *widths]
+    n, share = result["frames"], result["accuracy"]
+    low, high = result["interval"]
     by = f" by {result['interval_by']}".removesuffix(f" by {n} frames")
     found = [
         f"accuracy {percent(share)} (95 % interval {percent(low)} to {percent(high)}{by}), "
@@ -138,6 +141,10 @@ def score_lines(result: Mapping[str, Any]) -> list[str]:
             f"refused {result['refused']} of {n} known frames; expected at most {limit}"
         )
         found.append(text)
+    if "coverage" in result:
+        own = result["coverage"]
+        line = _coverage_line(own, "sets")
+        found.append(f"{line}; {own['mean_size']:.2f} classes a set")
     return found
 
 
@@ -153,13 +160,30 @@ def limit_of_refused(reject: float, left_out: str) -> str:
 
 
 def _error_line(name: str, own: Mapping[str, Any], n: int) -> str:
-    error, guess = (
-        f"{own[key]:.4g} {own['unit']}".rstrip()
-        for key in ("mean_absolute_error", "guess")
-    )
+    error, guess = (_number(own[key], own) for key in ("mean_absolute_error", "guess"))
     return (
         f"{name}: mean absolute error {error} (mean baseline {guess}), R² "
         f"{own['r_squared']:.3f}, {n} frames"
+    )
+
+
+def _width_line(name: str, own: Mapping[str, Any]) -> str:
+    width = own["coverage"]["mean_width"]
+    line = _coverage_line(own["coverage"], "intervals")
+    shown = _number(float("inf") if width is None else width, own)
+    return f"{name}: {line}; mean width {shown}"
+
+
+def _number(value: float, own: Mapping[str, Any]) -> str:
+    """A number with its unit, if it has one."""
+    return f"{value:.4g} {own.get('unit', '')}".rstrip()
+
+
+def _coverage_line(found: Mapping[str, Any], what: str) -> str:
+    low, high = found["interval"]
+    return (
+        f"{what} for {found['asked']:g} contain the truth for {percent(found['share'])} of these "
+        f"frames (95 % interval {percent(low)} to {percent(high)})"
     )
 
 

@@ -87,7 +87,6 @@ LEFT = {
     "compare --test-fraction": "each frame is tested once, or --test names others",
     "compare --json": "hdc evaluate --json writes the accuracy of a model",
     "compare --circular": _CIRCULAR,
-    "evaluate --interval": "hdc predict --interval 0.9 --json shows the sets or intervals",
     "train --circular": _CIRCULAR,
     "train --choose": "hdc compare shows the options of the best form",
     "recalibrate --seed": "each recalibration of a model replaces other bits",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -19,35 +21,47 @@ def score(
     recording: Recording,
     index: np.ndarray,
     reject: float | None = None,
+    interval: float | None = None,
 ) -> dict[str, Any]:
     """Accuracy and confusions, or errors of values, of the n frames `index`.
 
-    With a share to `reject` also how many frames were refused.
+    With a share to `reject` also how many frames were refused, and with an `interval` how often
+    the truth was in the intervals or sets.
     """
+    wanted = Wanted(reject, interval)
     frames = with_progress(recording.stream(index), len(index), "Evaluating")
-    batches = map(np.stack, batched(frames))
-    parts = [columns(model, batch, Wanted(reject)) for batch in batches]
-    found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    if "values" in found:
-        errors = _errors(model, recording, index, found["values"])
-        return {"frames": len(index), "errors": errors}
-    truth, answers = np.array(recording.names)[index], found["label"].astype(str)
-    result = _accuracy(model, truth, answers)
-    if reject:
-        refused = int((~found["known"]).sum())
-        result |= {"reject": reject, "refused": refused, "left_out": model.left_out_}
+    parts = [columns(model, np.stack(some), wanted) for some in batched(frames)]
+    found = {name: [*chain(*(part[name] for part in parts))] for name in parts[0]}
     unit, by = recorded_together(recording, index)
-    interval = [*interval_of(answers == truth, unit)]
-    return {"frames": len(index), "interval": interval, "interval_by": by, **result}
+    if not hasattr(model, "classes_"):
+        errors = _errors(model, recording, index, found, interval, unit)
+        return {"frames": len(index), "errors": errors}
+    truth = np.array(recording.names)[index]
+    result = _accuracy(model, truth, found["label"], unit)
+    if reject:
+        refused = found["known"].count(False)
+        result |= {"reject": reject, "refused": refused, "left_out": model.left_out_}
+    if interval is not None:
+        sets = [[str(label) for label in own] for own in found["set"]]
+        inside = [name in own for name, own in zip(truth, sets, strict=True)]
+        size = float(np.mean([len(own) for own in sets]))
+        coverage = _coverage(np.array(inside), interval, unit)
+        result["coverage"] = coverage | {"mean_size": size}
+    return {"frames": len(index), "interval_by": by, **result}
 
 
-def _accuracy(model: Any, truth: np.ndarray, answers: np.ndarray) -> dict[str, Any]:
-    """Accuracy, that of the majority-class baseline, and confusions."""
+def _accuracy(
+    model: Any, truth: np.ndarray, labels: Sequence[Any], unit: np.ndarray
+) -> dict[str, Any]:
+    """Accuracy with its interval, that of the majority-class baseline, confusions."""
     names = [str(label) for label in model.classes_]
+    answers = np.array([str(label) for label in labels])
+    right = answers == truth
     guessed = names[int(model.counts_.argmax())]
     pairs = Counter(zip(truth.tolist(), answers.tolist(), strict=True))
     return {
-        "accuracy": float((answers == truth).mean()),
+        "accuracy": float(right.mean()),
+        "interval": [*interval_of(right, unit)],
         "guessed": guessed,
         "guess": float((truth == guessed).mean()),
         "classes": names,
@@ -56,20 +70,39 @@ def _accuracy(model: Any, truth: np.ndarray, answers: np.ndarray) -> dict[str, A
 
 
 def _errors(
-    model: Any, recording: Recording, index: np.ndarray, answers: np.ndarray
+    model: Any,
+    recording: Recording,
+    index: np.ndarray,
+    found: Mapping[str, Any],
+    interval: float | None,
+    unit: np.ndarray,
 ) -> dict[str, Any]:
-    """Errors and R² of each value, by name."""
-    truth = truth_of(recording)[index]
+    """Errors and R² of each value, its coverage and width of intervals, if asked for; by name."""
+    names, units = recording.value_names, recording.value_units
+    truth, answers = truth_of(recording)[index], np.array(found["values"])
     rows: dict[str, Any] = {}
-    for k, name in enumerate(recording.value_names):
+    for k, name in enumerate(names):
         right, answered = truth[:, k], answers[:, k]
         rows[name] = {
             "mean_absolute_error": float(np.abs(answered - right).mean()),
             "guess": float(np.abs(right - model.mean_[k]).mean()),
             "r_squared": r_squared(right, answered),
-            "unit": recording.value_units[k],
         }
+        if any(units[k : k + 1]):
+            rows[name]["unit"] = units[k]
+        if interval is not None:
+            low, high = np.array(found["intervals"])[:, k].T
+            inside = (low <= right) & (right <= high)
+            width = float((high - low).mean())
+            coverage = _coverage(inside, interval, unit)
+            width_or_none = width if np.isfinite(width) else None
+            rows[name]["coverage"] = coverage | {"mean_width": width_or_none}
     return rows
+
+
+def _coverage(inside: np.ndarray, asked: float, unit: np.ndarray) -> dict[str, Any]:
+    share, interval = float(np.mean(inside)), [*interval_of(inside, unit)]
+    return {"asked": asked, "share": share, "interval": interval}
 
 
 def recorded_together(

@@ -96,22 +96,26 @@ def _files_in(root: Path) -> list[Path]:
 @options.trusted
 @recording
 @options.reject
+@options.interval
 @options.json
 def evaluate(
     model: Path,
     trusted: tuple[str, ...],
     source: Source,
     reject: float | None,
+    interval: float | None,
     as_json: bool,
 ) -> None:
     """Measure accuracy and confusions on a RECORDING, or errors of its numbers.
 
     The interval of the accuracy is Wilson's, for 95 %. R² is the share of the variance that is
-    predicted.
+    predicted. With --interval 0.9 the command counts how often intervals or sets contain the truth
+    on this RECORDING. They are made to contain it for 90 % of the frames recorded under the
+    training conditions.
     """
     found, window = work.load(model, trusted)
     frames = work.frames_for(found, window, source)
-    result = scores.score(found, frames, np.arange(len(frames)), reject)
+    result = scores.score(found, frames, np.arange(len(frames)), reject, interval)
     if as_json:
         click.echo(json.dumps(result))
     else:

@@ -161,7 +161,7 @@ def test_a_value_of_a_table_is_no_part_of_its_frame(tmp_path):
 
 def test_a_score_of_classes_is_complete(classes):
     recording = open_recording(classes)
-    found = scores.score(Nearest(), recording, np.arange(4), 0.4)
+    found = scores.score(Nearest(), recording, np.arange(4), 0.4, 0.8)
     assert found == {
         "frames": 4,
         "accuracy": 0.75,
@@ -174,6 +174,12 @@ def test_a_score_of_classes_is_complete(classes):
         "reject": 0.4,
         "refused": 1,
         "left_out": "group",
+        "coverage": {
+            "asked": 0.8,
+            "share": 0.5,  # a, b, b and c, and none
+            "interval": pytest.approx([0.15, 0.85], abs=1e-3),
+            "mean_size": 1.0,
+        },
     }
     assert messages.score_lines(found)[2] == (
         "refused 1 of 4 known frames; expected at most 40 %"
@@ -211,18 +217,26 @@ def test_an_interval_is_of_recordings_where_they_are_known():
 
 
 def test_a_score_of_values_is_complete():
-    frames = [[5, 7, 4], [6, 8, 4], [0, 0, 4], [1, 1, 4]]
-    truth = [[6, 7], [3, 8], [9, 9], [1, 1.5]]
+    frames = [[5, 7, 4], [6, 8, 4], [0, 0, 4], [1, 1, 4], [1, 1, 255]]
+    truth = [[6, 7], [3, 8], [9, 9], [1, 1.5], [1, 1]]
     about = {"value_names": ["force", "x"], "value_units": ["N", ""]}
     recording = open_recording(saved("v.npz", frames, values=truth, **about))
-    found = scores.score(Read(), recording, np.array([0, 1, 3]))
+    found = scores.score(Read(), recording, np.array([0, 1, 3]), interval=0.8)
     assert found["frames"] == 3
     assert found["errors"]["force"] == {
         "mean_absolute_error": pytest.approx(4 / 3),
         "guess": 2.0,  # of 4 for 6, 3 and 1
         "r_squared": pytest.approx(1 - 10 / (38 / 3)),
         "unit": "N",
+        "coverage": {
+            "asked": 0.8,
+            "share": 2 / 3,
+            "interval": pytest.approx([0.2077, 0.9385], abs=1e-4),
+            "mean_width": 4.0,
+        },
     }
     assert messages.score_lines(found)[0] == (
         "force: mean absolute error 1.333 N (mean baseline 2 N), R² 0.211, 3 frames"
     )
+    wide = scores.score(Read(), recording, np.array([4]), interval=0.8)
+    assert messages.score_lines(wide)[3].endswith("mean width inf")

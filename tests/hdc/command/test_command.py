@@ -36,7 +36,7 @@ def test_a_frame_is_encoded_once(hdc, folder, monkeypatch):
     for words, n in (
         (("train", folder, "-o", "m", "--test-fraction", 0.25, *PUBLISHED), 36),
         (("predict", "m", folder / "a", *asked, "--proba"), 12),
-        (("evaluate", "m", folder, *asked[:2]), 36),
+        (("evaluate", "m", folder, *asked), 36),
         (("recalibrate", "m", folder, "-o", "n"), 36),
     ):
         encoded.clear()
@@ -131,9 +131,8 @@ def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, write):
 
 def test_options_reach_the_answers_and_the_score(hdc, model, folder, frames):
     found, image = HDCClassifier.load(model), frames[1, 3:4]
-    words = ("--json", "--reject", 0.5)
-    asked = ("--proba", "--interval", 0.8)
-    shown = hdc("predict", model, folder / "b" / "3.png", *asked, *words)
+    words = ("--json", "--interval", 0.8, "--reject", 0.5)
+    shown = hdc("predict", model, folder / "b" / "3.png", "--proba", *words)
     answer = json.loads(shown[1][0])
     assert answer["set"] == found.predict_set(image, 0.2)[0].tolist()
     assert answer["probability"] == pytest.approx(found.predict_proba(image).max())
@@ -141,6 +140,7 @@ def test_options_reach_the_answers_and_the_score(hdc, model, folder, frames):
     result = json.loads(hdc("evaluate", model, folder, *words)[1][0])
     refused = (~found.is_known(whole(frames), 0.5)).sum()
     assert (result["accuracy"], result["refused"]) == (1, refused)
+    assert result["coverage"]["asked"] == 0.8
 
 
 # Recalibration -----------------------------------------------------------------------------------

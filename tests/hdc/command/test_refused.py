@@ -64,7 +64,6 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc):
         ("train x -o m --circular 360",
          "--circular: this option left; learn cosine and sine as two"),
         ("evaluate --choose", "No such option"),
-        ("evaluate m r --interval 0.9", "left; hdc predict --interval 0.9 --json"),
         ("train x -o m --set thresholds=15",
          "expected PART__NAME=VALUE such as encoder__thresholds=15, found thresholds=15"),
     ):  # fmt: skip
