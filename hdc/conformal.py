@@ -61,7 +61,7 @@ class Conformal:
     """Training frames to compare with."""
 
     peers: Mapping[int, Peers]
-    """By class, of those with training frames."""
+    """The entries of classes with training frames, by class."""
     prototypes: Tensor | None = None
     """int64 [L, W], for distances to these prototypes instead of minus the scores."""
 

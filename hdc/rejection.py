@@ -52,7 +52,7 @@ class Rejection:
     distances: Tensor
     """int64 [m] (CPU), distances of left-out frames in rising order."""
     unit: str
-    """What is left out at a time, ``"frame"`` or ``"group"``."""
+    """The unit that is left out at a time, ``"frame"`` or ``"group"``."""
 
     @classmethod
     def of(cls, prototypes: Tensor, distances: Sequence[Tensor], unit: str) -> Self:

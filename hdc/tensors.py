@@ -13,8 +13,8 @@ Kinds = Mapping[str, str]
 """Name → type and axes, such as ``"int64 L 4 W"``; a letter is a size, W the words of D bits."""
 
 Parts = Mapping[str, Mapping[str, Tensor]]
-"""Part of a model → its tensors by name. In a file their names are ``part.name``, and those of the
-part ``""`` are the bare names."""
+"""Part of a model → its tensors by name. In a file their names are ``part.name``, of the part
+``""`` the bare names."""
 
 
 def checked(

@@ -91,7 +91,7 @@ class Results:
     def chosen(self, experiment: str) -> tuple[list[Record], list[Record]]:
         """The measurements of an experiment that count, and those that are left out.
 
-        Of each scene the one that was made last; of one that is to be made several times, the last
+        The last one of each scene counts; of one that is to be made several times, the last
         of each ``measurement`` that the config counts.
         """
         counting: dict[tuple[str, int], Record] = {}

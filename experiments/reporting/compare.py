@@ -42,7 +42,7 @@ def compare(own: Iterable[Table], reference: Iterable[Table]) -> pd.DataFrame:
 
 def _numbers(own: Table, reference: Table) -> Iterator[tuple[str, dict[str, Any]]]:
     """The name of each number that both tables have, and its line: the key, and the number with its
-    bounds as ``value``, those of the reference with a suffix."""
+    bounds as ``value``, with a suffix for the reference."""
     ours, theirs = (table.data.astype(object) for table in (own, reference))
     joined = ours.merge(theirs, on=list(own.key), suffixes=("", REFERENCE))
     rules = joined.reindex(columns=["stop_rule", f"stop_rule{REFERENCE}"])

@@ -1,5 +1,5 @@
 """Published numbers beside ours: a row for each that can be judged, by the rule in :data:`HOW`.
-What depends on the machine, or on what the paper does not say, stands in Table I alone.
+Table I alone has what depends on the machine, or on what the paper does not say.
 """
 
 from __future__ import annotations

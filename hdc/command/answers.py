@@ -28,13 +28,18 @@ class Wanted(NamedTuple):
 
     Attributes:
         reject: share of known frames that may be refused as none of the classes.
-        alpha: share of frames of which sets or intervals may miss the truth.
+        interval: share of frames of which sets or intervals are to hold the truth.
         proba: whether probabilities of the classes are wanted.
     """
 
     reject: float | None = None
-    alpha: float | None = None
+    interval: float | None = None
     proba: bool = False
+
+    @property
+    def alpha(self) -> float | None:
+        """Share of frames of which they may miss the truth: 1 − 0.9 is 0.1, not a bit less."""
+        return None if self.interval is None else round(1 - self.interval, 12)
 
 
 def columns(model: Any, frames: np.ndarray, wanted: Wanted) -> dict[str, Any]:
@@ -43,7 +48,7 @@ def columns(model: Any, frames: np.ndarray, wanted: Wanted) -> dict[str, Any]:
     A classifier gives ``label`` [n], and where they are wanted ``known`` [n], ``set`` (a list of n
     lists), ``probability`` of the best class [n] and ``probabilities`` [n, L], and where there are
     prototypes ``distances`` [n, L] as shares of the bits. A regressor gives ``values`` [n, T], and
-    ``intervals`` [n, T, 2] where they are wanted, None at an infinite end.
+    ``intervals`` [n, T, 2] where they are wanted.
 
     Raises:
         ValueError: probabilities or rejection by a regressor, or by a model that has none.
@@ -78,10 +83,7 @@ def _of_values(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
         return {"values": model.predict(words).reshape(len(words), -1)}
     parts = model.predict(words, return_interval=True, alpha=wanted.alpha)
     values, *ends = (part.reshape(len(words), -1) for part in parts)
-    both = np.stack(ends, axis=2)
-    intervals = both.astype(object)
-    intervals[np.isinf(both)] = None
-    return {"values": values, "intervals": intervals}
+    return {"values": values, "intervals": np.stack(ends, axis=2)}
 
 
 def batched(items: Iterable[Any]) -> Iterator[list[Any]]:
@@ -177,6 +179,9 @@ def _rows(
         names: Sequence[str] = [str(label) for label in getattr(model, "classes_", ())]
         if "values" in found:
             names = value_names(model) or numbered(found["values"].shape[1])
+        if "intervals" in found:  # JSON has no infinite numbers
+            ends = found["intervals"]
+            found["intervals"] = np.where(np.isfinite(ends), ends, None)
         for k, (place, _) in enumerate(some):
             row = {name: _own(column[k], names) for name, column in found.items()}
             if not row.pop("known", True):

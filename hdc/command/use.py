@@ -56,9 +56,7 @@ def predict(
     for path in images:
         is_listed = path.is_dir() and template is None
         files += _files_in(path) if is_listed else [path]
-    # 1 − 0.9 is 0.1, not a bit less.
-    alpha = None if interval is None else round(1 - interval, 12)
-    wanted = answers.Wanted(reject, alpha, proba)
+    wanted = answers.Wanted(reject, interval, proba)
     settings = {"template": template, "axes": axes, "image_column": image_column}
     rows = answers.ask(found, window, files, wanted, settings)
     refused = number = 0

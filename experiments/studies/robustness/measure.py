@@ -37,7 +37,7 @@ class Robustness(Task, frozen=True):
     Arguments: configs/experiment/robustness.yaml.
     """
 
-    revision: ClassVar = 3
+    revision: ClassVar = 4
     uses: ClassVar = ("hdc.HDCClassifier",)
 
     scene: Mapping[str, Any]

@@ -176,10 +176,6 @@ def test_the_id_is_a_function_of_config_and_data(carry_out, recording):
     assert carry_out(scene=path).id not in {first, *ids}
 
 
-# Parameters that had other names in version 3.0: records of them are measured again.
-RENAMED = ("n_neighbors", "random_state", "class_weight")
-
-
 def test_committed_records_are_found_under_their_names(committed_results):
     """Under another name, everything would be measured again."""
     for record in committed_results.measurements:
@@ -189,8 +185,6 @@ def test_committed_records_are_found_under_their_names(committed_results):
         task = runner.checked(record.config, kind, "task")
         fields = msgspec.structs.fields(kind)
         own = {f.name: record.config.get(f.name, f.default) for f in fields}
-        if any(word in json.dumps(own) for word in RENAMED):
-            continue
         assert runner.name_of(record.experiment, own, record.data) == record.id
         assert task.timed <= record.timed
 

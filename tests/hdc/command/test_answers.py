@@ -84,7 +84,7 @@ def table(found):
 
 def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
     model = Nearest()
-    asked = answers.Wanted(0.4, 0.2, True)
+    asked = answers.Wanted(0.4, 0.8, True)
     found = list(answers.ask(model, Window(), [classes], asked, {}))
     assert found[2] == {
         "file": f"{classes}, frame 2",
@@ -120,7 +120,7 @@ def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals():
         "file|values force|values x",
         f"{path}, frame 0|5.0000|7.0000",
     ]
-    found = list(answers.ask(model, Window(), [path], answers.Wanted(None, 0.2), {}))
+    found = list(answers.ask(model, Window(), [path], answers.Wanted(None, 0.8), {}))
     assert [answer["intervals"] for answer in found] == [
         {"force": [3.0, 7.0], "x": [5.0, 9.0]},
         {"force": [None, None], "x": [None, None]},

@@ -72,7 +72,7 @@ class Values(Drawn, frozen=True):
     Arguments: configs/experiment/values.yaml.
     """
 
-    revision: ClassVar = 2
+    revision: ClassVar = 3
     uses: ClassVar = ("hdc.HDCClassifier",)
 
     splits: Mapping[str, Split]
