@@ -29,6 +29,7 @@ from hdc.warning import warn
 _STEP, _STEP_ON_GPU = 2**20, 2**25
 _SMALL = 4096
 """Pixels per frame up to which several frames are ordered at once."""
+_STRIDE = 64  # one pixel of so many is in the sample
 COMPILED = (torch.uint8, torch.uint16, torch.int32)
 """Types that the kernels take."""
 Route = Callable[[Tensor, Sequence[int]], tuple[Any, Any, Any]]
@@ -242,8 +243,8 @@ def _order_on(device: torch.device, n_pixels: int) -> tuple[Tensor, ...]:
 def one_by_one(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
     """:func:`at_once` for large frames on the CPU.
 
-    The search for a threshold begins at that of the previous frame, which does not affect the
-    result.
+    The search for a threshold begins at that of the previous frame, or of a sample of the first
+    one, which does not affect the result.
     """
     images = pixels.numpy()
     n, n_pixels = images.shape
@@ -251,9 +252,11 @@ def one_by_one(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
     n_equal = np.empty((n, len(ones)), np.int64)
     missing = np.empty_like(n_equal)
     above, equal = np.zeros((2, bits.words_for(n_pixels)), np.int64)
-    thresholds: list[Any] = [0] * len(ones)
+    of_sample = [wanted // _STRIDE for wanted in ones]
+    thresholds: list[Any] = []
     for i, image in enumerate(images):
-        thresholds = _thresholds(image, ones, thresholds)
+        guesses = thresholds or _with_above(image[::_STRIDE], of_sample)
+        thresholds = _thresholds(image, ones, guesses)
         for t, threshold in enumerate(thresholds):
             _pack(image > threshold, above)
             _pack(image == threshold, equal)
@@ -287,8 +290,7 @@ def _thresholds(
 ) -> list[Any]:
     """For each number of ones, the least value with at most as many pixels [D] above it."""
     if image.itemsize > 2:
-        places = [len(image) - 1 - wanted for wanted in ones]
-        return np.partition(image, places)[places].tolist()
+        return _with_above(image, ones)
 
     @functools.cache
     def n_above(value: int) -> int:
@@ -297,6 +299,12 @@ def _thresholds(
     # Counting a few times takes less time than ordering the pixels.
     pairs = zip(ones, guesses, strict=True)
     return [_search(n_above, wanted, guess) for wanted, guess in pairs]
+
+
+def _with_above(pixels: np.ndarray, ones: Sequence[int]) -> list[Any]:
+    """For each number of ones, the pixel with as many pixels [D] after it in rising order."""
+    places = [len(pixels) - 1 - wanted for wanted in ones]
+    return np.partition(pixels, places)[places].tolist()
 
 
 def _search(n_above: Callable[[int], int], wanted: int, guess: int) -> int:
