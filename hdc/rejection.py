@@ -125,21 +125,12 @@ def by_frames(near: Tensor, kept: Mapping[int, Tensor]) -> Rejection:
 def of_words(words: Hypervectors, rows: Tensor, n_classes: int) -> Rejection:
     """The rule from N hypervectors and their classes int64 [N], left out one by one."""
     kept = Sample().with_frames(words.packed, rows.tolist(), MOST).kept
-    counts, n = _counted(words, rows, n_classes)
+    counts, n = planes.counted(words.packed, rows, n_classes)
     near = counts.new_zeros(n_classes, 3, counts.shape[2])
     for row in kept:
         for place, extra in enumerate((-1, 0, 1)):
             near[row, place] = planes.majority(counts[row], int(n[row]) + extra)
     return by_frames(near, kept)
-
-
-def _counted(
-    words: Hypervectors, rows: Tensor, n_classes: int
-) -> tuple[Tensor, Tensor]:
-    """Bit-sliced counts int64 [L, P, W] of each class, and the numbers of frames int64 [L]."""
-    none = words.packed.new_zeros(n_classes, 1, words.packed.shape[1])
-    n = torch.zeros(n_classes, dtype=torch.int64)
-    return planes.count_classes(none, n, words.packed, rows)
 
 
 # Group by group ----------------------------------------------------------------------------------
@@ -171,13 +162,13 @@ def by_groups(
     chosen, _ = Sample().with_frames(places, rows.tolist(), MOST).listed()
     chosen = chosen.flatten()
     ties = readout.ties if isinstance(readout, Counting) else "zero"
-    whole = planes.majorities(*_counted(words, rows, n_classes), ties)
+    whole = planes.majorities(*planes.counted(words.packed, rows, n_classes), ties)
     found, single = [], set()
     for group in of_group[chosen].unique():
         inside = of_group == group
         own = rows[inside].unique()
         others = torch.isin(rows, own) & ~inside
-        counted = _counted(words[others], rows[others], n_classes)
+        counted = planes.counted(words[others].packed, rows[others], n_classes)
         rest = planes.majorities(*counted, ties)
         left = whole.clone()
         left[own] = rest[own]
