@@ -17,8 +17,7 @@ from experiments.records.rows import Row, unpack_labels
 
 RUNS = "runs"  # the name of single trainings among those of experiments
 CHECKPOINTS = "checkpoints"  # and of the reports that they made while they learned
-EVERY_RUN = "every run"  # and of every training, finished or not
-OF_TRAININGS = (RUNS, CHECKPOINTS, EVERY_RUN)
+OF_TRAININGS = (RUNS, CHECKPOINTS)
 ROW = ["scene", "model", "asked_n", "asked_d"]
 """Columns that name a row of a table of runs: how many training samples and how many pixels were
 asked for, 0 for all of them."""
@@ -26,7 +25,6 @@ asked for, 0 for all of them."""
 STOPS = ("paper", "long", "end", "quick", "reached")
 # Columns that tell the resamples of a measurement apart: the true classes are stored once in each.
 _RESAMPLE = ("seed", "split", "draw")
-_UNREAD = ("labels", "predicted", "test_indices")
 
 
 class Results:
@@ -74,8 +72,7 @@ class Results:
 
         :data:`RUNS` stands for single trainings, a line each, with their results; a row
         (:data:`ROW`) has one of its configurations (:func:`_counting`). :data:`CHECKPOINTS` are the
-        reports of these trainings, a line each, and :data:`EVERY_RUN` are all trainings, finished
-        or not, without what their models predicted. An experiment has one measurement of each scene
+        reports of these trainings, a line each. An experiment has one measurement of each scene
         (:meth:`chosen`). Scenes are in their order.
         """
         if experiments not in self._frames:
@@ -121,9 +118,6 @@ class Results:
             return _counting(pd.DataFrame(map(_of_finished, self.runs)))
         if name == CHECKPOINTS:
             return self._checkpoints()
-        if name == EVERY_RUN:
-            every = sorted((*self.runs, *self.unfinished), key=lambda run: run.id)
-            return pd.DataFrame(map(_of_any, every))
         parts = [_of_measurement(measured) for measured in self.chosen(name)[0]]
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
@@ -205,12 +199,19 @@ def _of_record(record: Record) -> Row:
     }
 
 
-def _of_run(run: Record) -> Row:
-    """The line of a training, as far as it came."""
-    config = run.config
+def _of_finished(run: Record) -> Row:
+    """The line of a finished training, with what tells it from others of its row; one that never
+    got to its target took infinitely long."""
+    config, results = run.config, run.results
+    same = configs.without((*configs.SEEDS, "device"), config)
+    if not results["iterative"]:  # it ends by itself, whatever the rule
+        same.pop("stop")
+    for key in configs.COORDINATES:
+        group, name = key.split(".")
+        same[group].pop(name, None)
+    seconds = results["training_time_s"]
     return {
         **_of_record(run),
-        "sweep": run.experiment,
         "model": run.model.label if run.model else "",
         "asked_n": config["split"]["n_train"] or 0,
         "asked_d": config["data"]["pixels"] or 0,
@@ -219,27 +220,7 @@ def _of_run(run: Record) -> Row:
         "seed": config["seed"]["run"],
         "seeds": json.dumps(config["seed"], sort_keys=True),
         "stop_rule": run.stop,
-        **run.results,
-    }
-
-
-def _of_any(run: Record) -> Row:
-    """The line of a training, finished or not, for a reader."""
-    line = _of_run(run) | {"status": ": ".join(filter(None, [run.status, run.error]))}
-    return {name: value for name, value in line.items() if name not in _UNREAD}
-
-
-def _of_finished(run: Record) -> Row:
-    """The line of a finished training, with what tells it from others of its row; one that never
-    got to its target took infinitely long."""
-    line, same = _of_run(run), configs.without((*configs.SEEDS, "device"), run.config)
-    if not line["iterative"]:  # it ends by itself, whatever the rule
-        same.pop("stop")
-    for key in configs.COORDINATES:
-        group, name = key.split(".")
-        same[group].pop(name, None)
-    seconds = line["training_time_s"]
-    return line | {
+        **results,
         "alike": json.dumps([same, run.revisions], sort_keys=True),
         "training_time_s": math.inf if seconds is None else seconds,
     }
