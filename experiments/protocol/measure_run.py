@@ -63,7 +63,7 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
                                  before and one just after
     ``load.disturbed``           where the config has limits of a load: why the times do not count,
                                  or empty; the others of ``load`` are what was measured
-    ``…_at_target``, ``…_max``   when training accuracy first exceeded the target; largest
+    ``…_at_target``              when training accuracy first exceeded the target
     ``model_bytes``              size of what was learnt; None where it is not known
     ``test_set``                 SHA-256 of the test frames and their labels
     ``labels``, ``predicted``    true classes of the test samples, and by the last model
@@ -250,8 +250,7 @@ class _Tests:
 
 
 def _of_trial(trial: Trial, target: float) -> Row:
-    """Results of the curve of a trial: when its training accuracy first exceeded the target, and
-    the largest accuracies."""
+    """Results of the curve of a trial: when its training accuracy first exceeded the target."""
     curve, seconds = trial.curve, trial.training_s
     iterative = any("loss" in row for row in curve)
     passed = (row for row in curve if row.get("train_accuracy", 0.0) > target)
@@ -260,10 +259,6 @@ def _of_trial(trial: Trial, target: float) -> Row:
     solved = len(curve) == 1 and "steps" not in curve[0] and trial.stop == "finished"
     if iterative and (at_target or not solved):
         seconds = at_target.get("training_s")
-
-    def largest(key: str) -> float | None:
-        return max((row[key] for row in curve if key in row), default=None)
-
     return {
         "stop": trial.stop,
         "iterative": iterative,
@@ -271,8 +266,6 @@ def _of_trial(trial: Trial, target: float) -> Row:
         "total_time_s": trial.training_s,
         "train_accuracy_at_target": at_target.get("train_accuracy"),
         "test_accuracy_at_target": at_target.get("test_accuracy"),
-        "train_accuracy_max": largest("train_accuracy"),
-        "test_accuracy_max": largest("test_accuracy"),
     }
 
 

@@ -90,7 +90,7 @@ def test_a_training_says_what_it_was_and_what_came_out(
         unpack_labels(found[key]) for key in ("test_indices", "labels", "predicted")
     )
     assert found["test_accuracy_final"] == (truth == answer).mean()
-    assert found["train_accuracy_final"] == found["train_accuracy_max"] > 0.5
+    assert found["train_accuracy_final"] > 0.5
     np.testing.assert_array_equal(truth, labels[tested])
     train = np.setdiff1d(np.arange(50), tested)
     model = hdc.HDCClassifier().fit(frames[train], labels[train])
