@@ -29,7 +29,7 @@ from experiments.reporting import compare, page
 from experiments.reporting.answers import MINE, Answers
 from experiments.reporting.study import Study, own_study
 from experiments.reporting.study import studies as studies_of
-from experiments.reporting.terminal import show
+from experiments.reporting.terminal import OF_TABLE1, show
 from experiments.reporting.text import counted
 from hdc.io import write_atomically
 
@@ -189,7 +189,7 @@ def _show(
     """Table I, and what stands beside it: :func:`write` says what is brief."""
     table1, scenes = answers.table("table1"), answers.table("all_scenes")
     if table1 is not None:
-        show(console, table1)
+        show(console, table1, widths=OF_TABLE1)
     if brief:
         for sentence in numbers.sentence[numbers.differs & (numbers.table == "table1")]:
             say(console, sentence, "yellow")

@@ -24,7 +24,7 @@ from experiments.records.files import results_dir
 from experiments.records.record import Record
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
-from experiments.reporting.terminal import show_rows
+from experiments.reporting.terminal import OF_TABLE1, show_rows
 from experiments.studies.table1.view import TABLE1
 
 AGAIN = 2  # times that a disturbed row is measured again
@@ -44,14 +44,14 @@ def main() -> int:
     call, retries = run.CommandLine(), Retries(AGAIN, AGAIN_S)
     say(console, f"Table I: {promise()}")
     with run.ended_by_signals():
-        for model in seconds():
+        for number, model in enumerate(seconds()):
             say(console, display_name(model))
             with call.shown():
                 _measure(console, model, retries)
                 made = TABLE1.made(Results(results_dir()).frame(*TABLE1.experiments))
                 if made is not None:
-                    row = made.data[made.data.model == model]
-                    show_rows(console, replace(made, data=row))
+                    row = replace(made, data=made.data[made.data.model == model])
+                    show_rows(console, row, widths=OF_TABLE1, heads=number == 0)
         with call.shown():
             report.write(results_dir(), console, brief=True)
     return call.status

@@ -37,7 +37,9 @@ def test_groups_are_units_where_they_are_known(write_run, tmp_path):
         experiments.compare(hdc, other)
 
 
-def test_a_sweeper_gets_the_accuracy_inside_the_training_frames(recording, monkeypatch):
+def test_a_sweeper_gets_the_accuracy_inside_the_training_frames(
+    recording, results, monkeypatch
+):
     words = ["experiment=validation", "scene=recorded", f"scene.path={recording()}"]
     words += ["exclusive=false", "threads=1", "task.folds=2"]
     record = run.run(*words)

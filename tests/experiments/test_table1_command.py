@@ -51,8 +51,13 @@ def test_each_row_is_shown_before_the_next_model_is_trained(called, capsys):
     shown = capsys.readouterr().out.splitlines()
     names = ["HDC as published", "Softmax", "CNN, 1 layer", "CNN, 3 layers"]
     begun = [shown.index(name) for name in names]
-    for name, first, then in zip(names, begun, [*begun[1:], None], strict=True):
-        assert [line for line in shown[first + 1 : then] if line.startswith(name)]
+    papers = ["100", "90", "93", "93"]  # the last column: nothing is cut off
+    ends = [*begun[1:], None]
+    for name, paper, first, then in zip(names, papers, begun, ends, strict=True):
+        (row,) = (line for line in shown[first + 1 : then] if line.startswith(name))
+        assert row.split()[-1] == paper
+    assert sum(line.startswith("Model") for line in shown) == 1
+    assert max(map(len, shown)) <= 100
 
 
 def test_its_runs_are_those_of_the_sweep_of_table1_but_for_its_one_seed():
