@@ -179,9 +179,6 @@ def _rows(
         names: Sequence[str] = [str(label) for label in getattr(model, "classes_", ())]
         if "values" in found:
             names = value_names(model) or numbered(found["values"].shape[1])
-        if "intervals" in found:  # JSON has no infinite numbers
-            ends = found["intervals"]
-            found["intervals"] = np.where(np.isfinite(ends), ends, None)
         for k, (place, _) in enumerate(some):
             row = {name: _own(column[k], names) for name, column in found.items()}
             if not row.pop("known", True):
@@ -193,6 +190,8 @@ def _own(item: Any, names: Sequence[str]) -> Any:
     """An item of a column as JSON, by name where there is one for each class or value."""
     if isinstance(item, list):
         return item
+    if item.ndim == 2:  # of intervals; JSON has no infinite numbers
+        item = np.where(np.isfinite(item), item, None)
     own = item.tolist()
     return dict(zip(names, own, strict=True)) if item.ndim else own
 

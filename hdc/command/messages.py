@@ -176,7 +176,7 @@ def _width_line(name: str, own: Mapping[str, Any]) -> str:
 
 def _number(value: float, own: Mapping[str, Any]) -> str:
     """A number with its unit, if it has one."""
-    return f"{value:.4g} {own.get('unit', '')}".rstrip()
+    return f"{value:.4g} {own['unit']}".rstrip()
 
 
 def _coverage_line(found: Mapping[str, Any], what: str) -> str:

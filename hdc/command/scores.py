@@ -33,7 +33,7 @@ def score(
     parts = [columns(model, np.stack(some), wanted) for some in batched(frames)]
     found = {name: [*chain(*(part[name] for part in parts))] for name in parts[0]}
     unit, by = recorded_together(recording, index)
-    if not hasattr(model, "classes_"):
+    if "values" in found:
         errors = _errors(model, recording, index, found, interval, unit)
         return {"frames": len(index), "errors": errors}
     truth = np.array(recording.names)[index]
@@ -42,11 +42,7 @@ def score(
         refused = found["known"].count(False)
         result |= {"reject": reject, "refused": refused, "left_out": model.left_out_}
     if interval is not None:
-        sets = [[str(label) for label in own] for own in found["set"]]
-        inside = [name in own for name, own in zip(truth, sets, strict=True)]
-        size = float(np.mean([len(own) for own in sets]))
-        coverage = _coverage(np.array(inside), interval, unit)
-        result["coverage"] = coverage | {"mean_size": size}
+        result["coverage"] = _of_sets(found["set"], truth, interval, unit)
     return {"frames": len(index), "interval_by": by, **result}
 
 
@@ -78,26 +74,32 @@ def _errors(
     unit: np.ndarray,
 ) -> dict[str, Any]:
     """Errors and R² of each value, its coverage and width of intervals, if asked for; by name."""
-    names, units = recording.value_names, recording.value_units
     truth, answers = truth_of(recording)[index], np.array(found["values"])
     rows: dict[str, Any] = {}
-    for k, name in enumerate(names):
+    for k, name in enumerate(recording.value_names):
         right, answered = truth[:, k], answers[:, k]
         rows[name] = {
             "mean_absolute_error": float(np.abs(answered - right).mean()),
             "guess": float(np.abs(right - model.mean_[k]).mean()),
             "r_squared": r_squared(right, answered),
+            "unit": recording.value_units[k],
         }
-        if any(units[k : k + 1]):
-            rows[name]["unit"] = units[k]
         if interval is not None:
             low, high = np.array(found["intervals"])[:, k].T
-            inside = (low <= right) & (right <= high)
+            coverage = _coverage((low <= right) & (right <= high), interval, unit)
             width = float((high - low).mean())
-            coverage = _coverage(inside, interval, unit)
-            width_or_none = width if np.isfinite(width) else None
-            rows[name]["coverage"] = coverage | {"mean_width": width_or_none}
+            coverage["mean_width"] = width if np.isfinite(width) else None
+            rows[name]["coverage"] = coverage
     return rows
+
+
+def _of_sets(
+    sets: Sequence[Sequence[Any]], truth: np.ndarray, asked: float, unit: np.ndarray
+) -> dict[str, Any]:
+    """How often sets of labels contain the truth, and their mean size."""
+    inside = [name in map(str, own) for name, own in zip(truth, sets, strict=True)]
+    size = float(np.mean([len(own) for own in sets]))
+    return _coverage(np.array(inside), asked, unit) | {"mean_size": size}
 
 
 def _coverage(inside: np.ndarray, asked: float, unit: np.ndarray) -> dict[str, Any]:
