@@ -275,6 +275,15 @@ def majority(words: Tensor, ties: str = "zero") -> Tensor:
     return planes.majorities(*planes.counted(words, of_one_class, 1), ties)[0]
 
 
+def where(mask: Tensor, ones: Tensor, zeros: Tensor) -> Tensor:
+    """Bits of `ones` at the ones of a mask, and of `zeros` at its zeros, of words [..., W] alike.
+
+    >>> where(torch.tensor([3]), torch.tensor([5]), torch.tensor([8])).tolist()
+    [9]
+    """
+    return zeros ^ ((zeros ^ ones) & mask)
+
+
 def random_hypervector(
     dimension: int, seed: int, p: float = 0.5, stream: tuple[int, ...] = ()
 ) -> Tensor:

@@ -162,7 +162,7 @@ class Peers:
         black = bits.count_ones(words ^ prototype) + bits.count_ones(words & lost)
         n_gained = bits.count_ones(gained)
         twice = 2 * black + n_gained - bits.count_ones(shared)
-        without = (words & if_one) | (~words & if_zero)
+        without = bits.where(words, if_one, if_zero)
         return cls(
             held_out=bits.count_ones(words ^ without).numpy(force=True),
             most=(black + n_gained).numpy(force=True),

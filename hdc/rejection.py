@@ -115,7 +115,7 @@ def by_frames(near: Tensor, kept: Mapping[int, Tensor]) -> Rejection:
         words = kept[row]
         if len(words) > 1:
             if_zero, _, if_one = near[row]
-            without = (words & if_one) | (~words & if_zero)
+            without = bits.where(words, if_one, if_zero)
             distances = bits.hamming(words, whole)
             distances[:, place] = bits.count_ones(words ^ without)
             found.append(distances.amin(1))

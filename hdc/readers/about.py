@@ -27,7 +27,6 @@ _OF_UNITS = re.compile(
     r"(?:^|[^a-z])(?:session|trial|run|day|date|take|rep|repetition|batch|block|visit)s?"
     r"(?:[^a-z]|no|nr|id|num|number|$)"
 )
-
 """Names of columns that number recordings, in lower case."""
 
 
@@ -207,12 +206,16 @@ class Columns:
         """Names of the columns of numbers, without those that are known and those without a name.
 
         One number makes a column one of numbers, so that a cell that is none is not overlooked.
+        Beside labels, which are learnt, all cells have to be numbers: others are a comment.
         """
         known = (*KNOWN, *_NAMES, *_OF_FRAME)
+        enough = all if "label" in self.columns else any
         return [
             name
             for name, column in self.columns.items()
-            if name not in known and not is_unnamed(name) and _has_a_number(column)
+            if name not in known
+            and not is_unnamed(name)
+            and enough(_numbers_in(column))
         ]
 
     def numbers(self, name: str) -> np.ndarray:
@@ -231,10 +234,8 @@ class Columns:
             raise ValueError(
                 f"{self.where}: expected {self.n} numbers in the column {name}, found {found}"
             )
-        if column.dtype.kind == "U":
-            fits = [parse_number(cell) is not None for cell in column.tolist()]
-        else:
-            fits = np.isfinite(column).tolist()
+        is_text = column.dtype.kind == "U"
+        fits = _numbers_in(column) if is_text else np.isfinite(column).tolist()
         if not all(fits):
             first = fits.index(False)
             found = f"expected a number in {name}, found {column.tolist()[first]!r}"
@@ -248,10 +249,11 @@ class Columns:
         return np.stack(columns, axis=1) if columns else None
 
 
-def _has_a_number(column: np.ndarray) -> bool:
+def _numbers_in(column: np.ndarray) -> list[bool]:
+    """Whether each cell of a column is a number."""
     if column.dtype.kind == "U":
-        return any(parse_number(text) is not None for text in column.tolist())
-    return column.dtype.kind in "iuf"
+        return [parse_number(text) is not None for text in column.tolist()]
+    return [column.dtype.kind in "iuf"] * len(column)
 
 
 def is_unnamed(column: str) -> bool:

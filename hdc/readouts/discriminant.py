@@ -192,7 +192,8 @@ def spread_over(rows: Tensor) -> Tensor:
     """
     places = evenly(len(rows))
     every = [places]
-    for c in rows.unique() if len(places) < len(rows) else ():
+    classes = rows.unique() if len(places) < len(rows) else ()
+    for c in classes:
         of_class = (rows == c).nonzero().flatten()
         if int((rows[places] == c).sum()) < OF_CLASS:
             every.append(of_class[evenly(len(of_class), OF_CLASS)])

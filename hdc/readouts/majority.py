@@ -193,8 +193,8 @@ class Counting(Updatable):
         near = torch.stack([self._deciding_of(counted, i) for i in range(len(classes))])
         before = state.prototypes[classes]
         after = state.prototypes.clone()
-        after[classes] = _where(mask, fresh, before)
-        decided = _where(mask[:, None], near, before[:, None])
+        after[classes] = bits.where(mask, fresh, before)
+        decided = bits.where(mask[:, None], near, before[:, None])
         return replace(state, prototypes=after), decided
 
     # Left out ------------------------------------------------------------------------------------
@@ -273,15 +273,10 @@ class Majority(Counting):
             _, if_zero, whole, if_one, _ = deciding[c]
             places = (rows == c).nonzero().flatten()
             own = words[places].packed
-            without = _where(own, if_one, if_zero)
+            without = bits.where(own, if_one, if_zero)
             farther = bits.count_ones(own ^ without) - bits.count_ones(own ^ whole)
             scores[places, c] -= farther.cpu()
         return HeldOut(scores, rows)
-
-
-def _where(mask: Tensor, ones: Tensor, zeros: Tensor) -> Tensor:
-    """Bits of `ones` at the ones of a mask, and of `zeros` at its zeros."""
-    return zeros ^ ((zeros ^ ones) & mask)
 
 
 def smallest(n: Tensor) -> int:

@@ -59,6 +59,18 @@ def test_cells_are_integers_or_else_numbers_or_else_text(texts, expected):
     assert repr(typed(texts.split()).tolist()) == expected
 
 
+def test_beside_labels_a_column_of_numbers_has_no_other_cell():
+    rows = [("row 0", {"label": "a", "x": "1", "note": "3"})]
+    rows += [("row 1", {"label": "b", "x": "2", "note": "again"})]
+    columns = Columns.of_rows("t.csv", rows)
+    assert columns.numeric() == ["x"]
+    assert columns.about((), 2).value_names == ("x",)
+    with pytest.raises(
+        ValueError, match=r"row 1: expected a number in note, .*--column"
+    ):
+        columns.about(("note",), 2)
+
+
 @pytest.mark.parametrize(
     ("texts", "learnt"),
     [
