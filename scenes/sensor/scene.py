@@ -149,10 +149,8 @@ class SpeckleScene:
     def _plan_session(self, session: int, room: Room) -> dict[str, np.ndarray]:
         """Labels and properties of the samples of one session."""
         ordered = np.repeat(np.arange(len(self.classes)), self._per_class)
-        labels, n = (
-            stream(self.seed, "labels", session).permutation(ordered),
-            len(ordered),
-        )
+        labels = stream(self.seed, "labels", session).permutation(ordered)
+        n = len(labels)
         touches = stream(self.seed, "touches", session)
         normals = touches.standard_normal((n, 3))
         weather = stream(self.seed, "room", session)
