@@ -41,8 +41,6 @@ class SimulatedSensor:
         touch: the present one, or None.
     """
 
-    label = None
-
     def __init__(self, side: int = 250, seed: int = 0) -> None:
         whole = Camera()
         share = side / whole.crop
