@@ -50,8 +50,8 @@ def errors(frame: pd.DataFrame) -> pd.DataFrame:
             line = {"recording": scene, "answer": answer, "split": split, "n": n}
             for model, own in same.groupby("model"):
                 line |= over_units(own.error.tolist(), several).columns(str(model))
-            inside = same.xs("regressor", level="model").inside.tolist()
-            line |= over_units(inside, several).within(0, 1).columns("inside")
+            if inside := same.inside.dropna().tolist():  # intervals of the regressor
+                line |= over_units(inside, several).within(0, 1).columns("inside")
             lines.append(line)
     return pd.DataFrame(lines)
 
