@@ -85,7 +85,7 @@ def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
         of_scene = shown[shown.scene == scene]
         axes.set(xscale="log", xlabel="training samples N", ylabel="test accuracy (%)")
         sizes = of_scene.n_train.unique().tolist()
-        axes.set_xticks(sizes, map(str, sizes), fontsize=6)
+        axes.set_xticks(sizes, map(str, sizes), fontsize=6, rotation=90)
         axes.set_xticks([], minor=True)
         chance = 100 / of_scene.n_classes.iloc[0]
         axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
