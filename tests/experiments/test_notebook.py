@@ -37,6 +37,18 @@ def test_groups_are_units_where_they_are_known(write_run, tmp_path):
         experiments.compare(hdc, other)
 
 
+def test_a_search_leaves_whole_groups_out(carry_out, tmp_path, frames_and_labels):
+    frames, labels = frames_and_labels(60, 3)
+    days = np.arange(60) // 6
+    np.savez(tmp_path / "days.npz", frames=frames, labels=labels, day=days)
+    grouped = ("split.kind=grouped", "split.group=day", "split.test_fraction=0.2")
+    record = carry_out("experiment=validation", *grouped, scene=tmp_path / "days.npz")
+    rows = record.rows.dicts()
+    assert {row["folds"] for row in rows} == {"by group"}
+    # Eight days of six frames train, in five folds.
+    assert sorted(row["n_validation"] for row in rows) == [6, 6, 12, 12, 12]
+
+
 def test_a_sweeper_gets_the_accuracy_inside_the_training_frames(
     recording, results, monkeypatch
 ):

@@ -105,11 +105,19 @@ def test_given_classes_are_known_and_never_predicted_without_samples(readout):
     assert model.counts_.tolist() == [20, 20, 20, 0]
 
 
+def test_words_move_to_a_device():
+    words = trained().encode(FRAMES)
+    assert words.to("meta").packed.device.type == "meta"
+    assert torch.equal(words.to("cpu").packed, words.packed)
+
+
 def test_words_of_another_encoder_are_refused():
     model = HDCClassifier("deviation").fit(FRAMES, LABELS)
     others = {
         "hypervectors: expected the encoder Dev": HDCClassifier("levels"),
-        "that learned from the same frames": HDCClassifier("deviation"),
+        "that learned from the same frames, found .*; use this model's encode$": HDCClassifier(
+            "deviation"
+        ),
         "hypervectors: expected D = 910, found 130": HDCClassifier(),
     }
     for message, other in others.items():

@@ -1,5 +1,6 @@
 """Frames reach a model unchanged, whether they lie in memory, on disk, or are made when asked."""
 
+import io
 import multiprocessing
 import time
 
@@ -56,8 +57,11 @@ def test_frames_that_break_off_leave_no_file(folder, monkeypatch, make_scene):
         with pytest.raises(KeyboardInterrupt):
             data.cached(scene, {}, QUIET)
     assert {f.suffix for f in folder.iterdir()} == {".lock"}
-    data.cached(scene, {}, QUIET)
+    said = io.StringIO()
+    data.cached(scene, {}, Console(file=said, width=500))
     (path,) = folder.glob("*.npy")
+    expected = f"kept 0 MB of frames in {folder} (cache=false keeps none)"
+    assert said.getvalue().strip() == expected
     # A killed process leaves its part, which is overwritten.
     path.rename(path.with_suffix(".partial")).write_bytes(b"half")
     assert torch.equal(data.cached(scene, {}, QUIET).frames([59]), scene.images[[59]])

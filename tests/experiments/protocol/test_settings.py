@@ -23,6 +23,7 @@ from experiments.protocol.settings import checked
         ("stop.most_steps=199", r"stop\.most_steps: expected at least 200, found 199"),
         ("+stop.colour=0", r"stop\.colour: expected no such key"),
         ("exclusive=no", r"exclusive: expected true or false, found 'no'"),
+        ("split.n_train=x", r"split\.n_train: expected an integer or null, found 'x'"),
         ("device=cuda:7", r"device: expected cpu, or one of .*, found 'cuda:7'"),
     ],
 )

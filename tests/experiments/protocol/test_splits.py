@@ -26,6 +26,10 @@ def split(kind="random", n_train=None, test_fraction=0.2):
             r"split\.n_train: .* of the 3 classes, such as 18 or 21, found 19",
         ),
         (split(n_train=49), r"split\.n_train: expected .* 48, found 49"),
+        (
+            Split("grouped", 0.2, group="day"),
+            r"split\.group: expected one of order, session, found 'day'",
+        ),
     ],
 )
 def test_a_split_that_does_not_fit_names_its_key(wanted, message, make_scene):
@@ -65,7 +69,7 @@ def test_only_a_random_split_of_a_recording_warns_of_copies(
 
 def test_a_class_that_only_test_frames_have_is_named(make_scene):
     """A split by session trained without one of the classes, and said nothing."""
-    scene = make_scene(sessions=2)
+    scene = make_scene(n=90, sessions=3)  # nobody learns or tests the second one
     labels = scene.labels.copy()
     labels[:30][labels[:30] == 2] = 0
     scene = Frames(
@@ -74,6 +78,16 @@ def test_a_class_that_only_test_frames_have_is_named(make_scene):
     expected = "split.kind=session: no training frame of c: every model has the 10 test"
     with pytest.warns(UserWarning, match=expected):
         choose(scene, split("session"), 0)
+
+
+def test_a_group_is_on_one_side(make_scene):
+    scene = make_scene()
+    pairs = np.arange(60) // 6
+    samples = scene.samples | {"pair": pairs}
+    scene = Frames(scene.images, scene.labels, scene.classes, samples)
+    train, test = choose(scene, Split("grouped", 0.2, group="pair"), 0)
+    assert len(np.unique(pairs[test])) == 2
+    assert set(pairs[train]) == set(range(10)) - set(pairs[test])
 
 
 def test_a_draw_is_that_of_its_seed_and_its_order_has_a_stream_of_its_own(make_scene):

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from experiments.protocol import data
-from experiments.protocol.task import Context, Task
+from experiments.protocol.task import Context, Task, named
 from experiments.records import store
 from experiments.records.environment import Environment
 from experiments.records.record import Record
@@ -56,6 +56,14 @@ class Own:
 
     def fingerprint(self):
         return self.content
+
+
+def test_what_is_no_task_is_named():
+    assert named({"_target_": f"{__name__}.Counting"}) is Counting
+    for target in ("hdc.HDCClassifier", "math.pi"):
+        expected = rf"^task\._target_: .* a Task, found {target}, which is none$"
+        with pytest.raises(ValueError, match=expected):
+            named({"_target_": target})
 
 
 def test_a_part_is_kept_under_name_config_key_and_data_unless_forced(results):

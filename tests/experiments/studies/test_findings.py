@@ -74,6 +74,10 @@ def test_what_was_not_measured_has_no_sentence(filled, text):
             "first:\n  spreads: {a: {table: values, column: gain, of: {n: 5}}}",
             "expected one row per recording",
         ),
+        (
+            "first:\n  rows: {a: {table: none}}\n  text: '{a.gain}'",
+            "table: expected that of a study, found none",
+        ),
     ],
 )
 def test_a_name_that_the_tables_do_not_have_is_one_clear_error(filled, text, error):
